@@ -17,11 +17,11 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, scored
-from oed.optimize.assurance import assured
-from oed.optimize.enough_steps import by_enough_steps
+from oed.optimize.assurance import search_with_assurance
+from oed.optimize.enough_steps import search_with_enough_steps
 from oed.optimize.genetic import Genetic
 from oed.optimize.ipopt import Ipopt
-from oed.optimize.lifted import lifted, lowered
+from oed.optimize.lifted import lift, lower
 from oed.optimize.refinement import ENDED, refined
 from oed.optimize.selection import with_readings
 from oed.optimize.solver import Context, Solver
@@ -63,9 +63,9 @@ def solve(
     require_identifiable(searched)
     integrates = searched.system.integrates
     if integrates:
-        solution = by_enough_steps(_searched, options, searched, context)
+        solution = search_with_enough_steps(_search, options, searched, context)
     else:
-        solution = _searched(options, searched, context)
+        solution = _search(options, searched, context)
     same = searched is problem
     if same and not integrates:
         return replace(solution, problem=problem)
@@ -85,20 +85,20 @@ def solve(
     return replace(solution, criterion=kind, gains={})
 
 
-def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
+def _search(options: Solver, problem: Problem, context: Context) -> Solution:
     # The trajectory, unless there is only one; then the readings, where they are chosen.
     # Another problem would be checked, and its expressions written, once more.
     bare = problem if problem.selection is None else replace(problem, selection=None)
     if problem.design.only is not None:
         only = scored(bare, problem.design.only, options.label)
         solution = replace(only, kind=options.kind, seed=context.seed, status=Status.CONVERGED)
-    elif (together := lifted(problem)) is not None:
+    elif (together := lift(problem)) is not None:
         _require_no_start(options)
-        solution = lowered(bare, assured(options, together, context))
+        solution = lower(bare, search_with_assurance(options, together, context))
     elif bare.design.spline.refines:
-        solution = refined(options, bare, context, assured)
+        solution = refined(options, bare, context, search_with_assurance)
     else:
-        solution = assured(options, bare, context)
+        solution = search_with_assurance(options, bare, context)
     return solution if problem.selection is None else with_readings(problem, solution)
 
 

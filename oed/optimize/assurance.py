@@ -28,7 +28,7 @@ UNTRIED = "It was not tried with other robots."
 """Note on a design whose verification was interrupted."""
 
 
-def assured(options: Solver, problem: Problem, context: Context) -> Solution:
+def search_with_assurance(options: Solver, problem: Problem, context: Context) -> Solution:
     """Return the best design; for a robust problem, one whose limits hold with the required confidence.
 
     Args:
@@ -54,18 +54,18 @@ class _Assurance:
         tightened, solver, context = self.robust, options, self.context
         last: Violation | None = None
         for _ in range(ROUNDS):
-            solution = self._searched(solver, tightened, context)
+            solution = self._search(solver, tightened, context)
             if solution.trajectory is None:
-                return self._failed(solution, last)
+                return self._fail(solution, last)
             violation = solution.violation
             if solution.status is Status.INTERRUPTED or violation is None:
-                return self._summed(solution)
-            if self._enough(solution):
-                solution = self._verified(solution)
+                return self._total(solution)
+            if self._is_enough(solution):
+                solution = self._verify(solution)
                 if solution.status is Status.INTERRUPTED:
-                    return self._summed(solution)
-                if self._enough(solution):
-                    return self._improved(options, solution, tightened)
+                    return self._total(solution)
+                if self._is_enough(solution):
+                    return self._improve(options, solution, tightened)
             last = solution.violation
             if self.verified == self.drives:
                 solution = replace(solution, detail=f"{solution.detail} {MORE_DRAWS}".strip())
@@ -73,24 +73,24 @@ class _Assurance:
             # Limits are tightened by the violations of other samples than those of the verification.
             tightened, solver = tightened.tighter(violation.worst), options.again()
             context = self.context.with_earlier(solution)
-        return self._failed(replace(solution, status=Status.FAILED), last)
+        return self._fail(replace(solution, status=Status.FAILED), last)
 
-    def _improved(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
+    def _improve(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
         # Quick searches found how tight the limits have to be: a thorough search follows from the best of
         # them, unless the last search was thorough already.
         thorough, refining = options.again(quick=False), self.context.refining_since is not None
         if len(self.solutions) == 1 or refining or thorough == options.again():
-            return self._summed(solution)
-        further = self._searched(thorough, tightened, self.context.with_earlier(solution))
-        better = self._enough(further) and _objective(further) > _objective(solution)
+            return self._total(solution)
+        further = self._search(thorough, tightened, self.context.with_earlier(solution))
+        better = self._is_enough(further) and _objective(further) > _objective(solution)
         if better and self.verified < self.drives:
-            further = self._verified(further)
-            solution = further if self._enough(further) else solution
+            further = self._verify(further)
+            solution = further if self._is_enough(further) else solution
         if further.status is Status.INTERRUPTED:
             solution = replace(solution, status=Status.INTERRUPTED)
-        return self._summed(solution)
+        return self._total(solution)
 
-    def _searched(self, options: Solver, tightened: Robust, context: Context) -> Solution:
+    def _search(self, options: Solver, tightened: Robust, context: Context) -> Solution:
         solution = options.search(replace(self.problem, robust=tightened), context)
         self.solutions.append(solution)
         if solution.trajectory is None:
@@ -98,13 +98,13 @@ class _Assurance:
         # The score is by the limits of the study, not by tightened ones.
         scored = replace(solution, evaluation=score(self.problem, solution.trajectory), robust=tightened)
         # Every drive gets new draws, lest it be fitted to the draws that judge it.
-        return self._tried(scored, FINAL + len(self.solutions))
+        return self._simulate(scored, FINAL + len(self.solutions))
 
-    def _verified(self, solution: Solution) -> Solution:
+    def _verify(self, solution: Solution) -> Solution:
         self.verified += 1
-        return self._tried(solution, FINAL)
+        return self._simulate(solution, FINAL)
 
-    def _tried(self, solution: Solution, stream: int) -> Solution:
+    def _simulate(self, solution: Solution, stream: int) -> Solution:
         assert solution.trajectory is not None
         progress, draws, seed = self.context.progress, self.robust.draws, self.context.seed
         progress.begin(f"simulate {draws} robots", 1)
@@ -118,10 +118,10 @@ class _Assurance:
         progress.advance(f"{chance_text(violation.probability)} violate the limits")
         return replace(solution, violation=violation)
 
-    def _enough(self, solution: Solution) -> bool:
+    def _is_enough(self, solution: Solution) -> bool:
         return solution.violation is not None and solution.violation.surely_below(1 - self.robust.confidence)
 
-    def _failed(self, solution: Solution, last: Violation | None) -> Solution:
+    def _fail(self, solution: Solution, last: Violation | None) -> Solution:
         detail = solution.detail
         if last is not None:
             detail = (
@@ -131,9 +131,9 @@ class _Assurance:
             )
         detail = f"{detail.strip()} {NARROWER}".strip()
         nothing = replace(solution, trajectory=None, evaluation=None, violation=None, detail=detail)
-        return self._summed(nothing)
+        return self._total(nothing)
 
-    def _summed(self, solution: Solution) -> Solution:
+    def _total(self, solution: Solution) -> Solution:
         explored = [step.explored for step in self.solutions if step.explored is not None]
         return replace(
             solution,

@@ -60,13 +60,13 @@ class CandidateScorer:
 
         The excess is over each tightened limit, in shares of its size.
         """
-        values, excess = self._measured(candidates)
+        values, excess = self._measure(candidates)
         return values, excess + self.tightening
 
-    def _measured(self, candidates: Array) -> Scores:
+    def _measure(self, candidates: Array) -> Scores:
         self._expected -= len(candidates)
         if self._workers != 1 and self._worth_sharing(len(candidates)):
-            return self._shared(candidates)
+            return self._share(candidates)
         began = time.perf_counter()
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.measure_many(candidates, threads)
@@ -83,23 +83,23 @@ class CandidateScorer:
         writing = WRITING * self._design.terms.written
         return seconds > WORTH and share * (self._remaining + seconds) > writing
 
-    def _shared(self, candidates: Array) -> Scores:
+    def _share(self, candidates: Array) -> Scores:
         parts = np.array_split(candidates, at_once(self._workers))
         problem, refine = self._design.problem, self._refine
-        tasks = [_Part(problem, refine, part) for part in parts if len(part)]
+        tasks = [_Batch(problem, refine, part) for part in parts if len(part)]
         scores: dict[int, Scores] = {}
-        run_tasks(_scored, tasks, self._workers, scores.__setitem__)
+        run_tasks(_score_batch, tasks, self._workers, scores.__setitem__)
         values, excess = zip(*(scores[index] for index in range(len(tasks))), strict=True)
         return np.concatenate(values), np.concatenate(excess)
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _Batch:
     problem: Problem
     refine: int
     candidates: Array
 
 
-def _scored(part: _Part) -> Scores:
+def _score_batch(part: _Batch) -> Scores:
     # Each process writes the terms once.
     return DesignExpressions(part.problem, part.refine).measure_many(part.candidates)

@@ -12,7 +12,7 @@ from oed.foundation.text import excess_text, words
 from oed.optimize.exchange import Exchange
 from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.program import Outcome, Program
+from oed.optimize.transcription.program import IpoptOutcome, Program
 
 NEGLIGIBLE = 1e-4
 """Relaxation, as a share of a limit's size, below which the limit counts as satisfied."""
@@ -59,7 +59,7 @@ def _smallest_relaxation(program: Program, starts: Sequence[Array], place: int) 
     exchange, count = Exchange(design.problem, design.terms), len(design.terms.rows)
     upper = np.where(np.arange(count) == place, np.inf, 0.0)
 
-    def solve(begin: Array, after: Outcome | None, chosen: Chosen | None, loosely: bool) -> Outcome:
+    def solve(begin: Array, after: IpoptOutcome | None, chosen: Chosen | None, loosely: bool) -> IpoptOutcome:
         return program.solve(
             begin,
             np.minimum(upper, 1.0) if after is None else after.auxiliary,

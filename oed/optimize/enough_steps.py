@@ -9,8 +9,8 @@ from oed.foundation.errors import NotFinite
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
-from oed.optimize.lifted import lifted
-from oed.optimize.refinement import ENDED, Search
+from oed.optimize.lifted import lift
+from oed.optimize.refinement import ENDED, SearchFunction
 from oed.optimize.solver import Context, Solver
 
 FINEST_SEARCHED = 16
@@ -21,7 +21,9 @@ COARSER = "A search with finer integration steps found no design; this one is of
 """Note on a design that a search with finer steps could not improve on."""
 
 
-def by_enough_steps(search: Search, options: Solver, problem: Problem, context: Context) -> Solution:
+def search_with_enough_steps(
+    search: SearchFunction, options: Solver, problem: Problem, context: Context
+) -> Solution:
     """Return the design of a search with steps so fine that information and limits no longer depend on them.
 
     The detail of the solution notes any refinement of the steps.
@@ -44,7 +46,7 @@ def by_enough_steps(search: Search, options: Solver, problem: Problem, context: 
             break
         quick = steps.change <= NEARLY
         times = min(times * (2 if quick else steps.enough), FINEST_SEARCHED)
-        again = options if lifted(problem) is not None else options.again(quick=quick)
+        again = options if lift(problem) is not None else options.again(quick=quick)
         further = search(again, problem.refined(times), context.with_earlier(solution))
         if further.trajectory is None:
             # The design of coarser steps remains, and is scored with finer ones.

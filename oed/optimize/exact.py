@@ -41,7 +41,7 @@ class Exact:
 
 
 @dataclass(frozen=True)
-class _Node:
+class _Subset:
     """Subset of the whole readings: weights between a lower and an upper number of each, (n,)."""
 
     low: Array
@@ -65,14 +65,14 @@ def exact_weights(
         budgets: budgets of all readings, with totals of whole ones.
         nodes: largest number of relaxations.
     """
-    search = _Search(criterion, parts, tuple(budgets), start)
+    search = _BranchAndBound(criterion, parts, tuple(budgets), start)
     upper = np.zeros(len(parts.readings))
     for budget in budgets:
         upper[list(budget.places)] = budget.upper
-    return search.run(_Node(np.zeros(len(upper)), upper), nodes if len(upper) <= SMALL else 1)
+    return search.run(_Subset(np.zeros(len(upper)), upper), nodes if len(upper) <= SMALL else 1)
 
 
-class _Search:
+class _BranchAndBound:
     def __init__(
         self, criterion: Criterion, parts: Parts, budgets: tuple[Budget, ...], start: Weights
     ) -> None:
@@ -81,9 +81,9 @@ class _Search:
         # The largest bound of nodes that are not branched any further.
         self.closed = -np.inf
 
-    def run(self, first: _Node, nodes: int) -> Exact:
+    def run(self, first: _Subset, nodes: int) -> Exact:
         """Return the best of all whole readings of a node."""
-        waiting = list[tuple[float, int, _Node, Array]]()
+        waiting = list[tuple[float, int, _Subset, Array]]()
         self._push(waiting, first)
         while waiting and self.solved < nodes and self._promises(-waiting[0][0]):
             negative_bound, _, node, weights = heapq.heappop(waiting)
@@ -98,9 +98,9 @@ class _Search:
     def _promises(self, bound: float) -> bool:
         return exceeds(bound, self.best.value, CLOSE)
 
-    def _push(self, waiting: list[tuple[float, int, _Node, Array]], node: _Node) -> None:
+    def _push(self, waiting: list[tuple[float, int, _Subset, Array]], node: _Subset) -> None:
         # Adds a node that may hold better weights, with its relaxed weights.
-        relaxation = self._relaxed(node)
+        relaxation = self._relax(node)
         if relaxation is None:
             return
         weights, bound = relaxation
@@ -116,7 +116,7 @@ class _Search:
         if value > self.best.value:
             self.best = exchanged_weights(self.criterion, self.parts, weights, self.budgets)
 
-    def _relaxed(self, node: _Node) -> tuple[Array, float] | None:
+    def _relax(self, node: _Subset) -> tuple[Array, float] | None:
         # The best relaxed weights and their bound, with readings that are surely taken as prior information;
         # None where no weights are left within the budgets.
         free = set(np.flatnonzero(node.high > node.low).tolist())
@@ -158,7 +158,7 @@ class _Search:
         return bool(self.criterion.identifiable([parts.root(even)]))
 
 
-def _branches(node: _Node, weights: Array) -> Iterator[_Node]:
+def _branches(node: _Subset, weights: Array) -> Iterator[_Subset]:
     # Two nodes, apart by the weight that is farthest from a whole number; none where all are whole.
     apart = np.abs(weights - np.rint(weights))
     place = int(apart.argmax())
@@ -167,5 +167,5 @@ def _branches(node: _Node, weights: Array) -> Iterator[_Node]:
     below = np.floor(weights[place])
     high, low = node.high.copy(), node.low.copy()
     high[place], low[place] = below, below + 1
-    yield _Node(node.low, high)
-    yield _Node(low, node.high)
+    yield _Subset(node.low, high)
+    yield _Subset(low, node.high)

@@ -23,7 +23,7 @@ from oed.kernel.problem import Problem
 from oed.optimize.lower_level import Instants, LowerLevel, within
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.slots import Chosen
-from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, Outcome, slots_for
+from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, IpoptOutcome, slots_for
 
 PER_UNKNOWN = 2.0
 """Number of first instants of a run per unknown of an input."""
@@ -128,13 +128,13 @@ class Exchange:
 
     def solved(
         self,
-        solve: Callable[[Array, Outcome | None, Chosen | None, bool], Outcome],
+        solve: Callable[[Array, IpoptOutcome | None, Chosen | None, bool], IpoptOutcome],
         unknowns: Array,
-        after: Outcome | None,
+        after: IpoptOutcome | None,
         instants: Instants,
         trajectory: Callable[[Array], Trajectory],
         until: float = np.inf,
-    ) -> tuple[Outcome, Instants]:
+    ) -> tuple[IpoptOutcome, Instants]:
         """Solve with ever more instants until no limit is exceeded; return the outcome and these instants.
 
         Args:

@@ -27,7 +27,7 @@ from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, S
 from oed.optimize.candidate_scores import CandidateScorer
 from oed.optimize.results import announce_drive
 from oed.optimize.solver import Context, Solver
-from oed.optimize.transcription.coarse import Grid
+from oed.optimize.transcription.coarse import SearchGrid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
 
@@ -73,7 +73,7 @@ class Genetic(Solver):
 
     def search(self, problem: Problem, context: Context) -> Solution:
         """Return the best design of all generations; of an interrupted search, the best so far."""
-        return _Search(self, problem, context).run()
+        return _GeneticSearch(self, problem, context).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ def excess_between(evaluation: Evaluation, at_points: Array) -> Array:
 
 
 @dataclass
-class _Search:
+class _GeneticSearch:
     options: Genetic
     problem: Problem
     context: Context
@@ -199,7 +199,7 @@ class _Search:
         robust = self.problem.robust
         rng, refine = self.context.rng(3), REFINE if robust is None or not robust.backs_off else 1
         while True:
-            self.grid = Grid(self.problem, refine=refine)
+            self.grid = SearchGrid(self.problem, refine=refine)
             self.refused.clear()
             status = self._search(rng, refine)
             all_refused = self.best is None and self.refused and status is not Status.TIME_LIMIT

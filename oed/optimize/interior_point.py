@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.optimize.objectives import Objective, longest
-from oed.optimize.weight_program import Program, Projection
+from oed.optimize.objectives import WeightObjective, longest
+from oed.optimize.weight_program import Projection, WeightProgram
 
 TOLERANCE = 1e-11
 """Largest suboptimality of the weights, as a share of the criterion."""
@@ -47,7 +47,7 @@ class Iterate:
     Attributes:
         weights: weights x, (n,).
         level: level t; 0 without a level.
-        prices: multipliers of the bounds and inequalities, in the order of `Program.distances`.
+        prices: multipliers of the bounds and inequalities, in the order of `WeightProgram.distances`.
         balance: multipliers of the equalities, (e,).
         dual: multipliers of the level.
         point: information at the weights.
@@ -61,7 +61,7 @@ class Iterate:
     point: Projection
 
 
-def maximise(program: Program, objective: Objective, share: float) -> tuple[Array, Array]:
+def maximise(program: WeightProgram, objective: WeightObjective, share: float) -> tuple[Array, Array]:
     """Return the weights (n,) that maximise an objective, and its gradient (p, p) by S there.
 
     Args:
@@ -70,7 +70,7 @@ def maximise(program: Program, objective: Objective, share: float) -> tuple[Arra
         share: first weight of every reading, strictly inside all constraints.
     """
     weights = np.full(len(program.upper), share)
-    point, distances = program.projected(weights), program.distances(weights)
+    point, distances = program.project(weights), program.distances(weights)
     level = objective.first_level(point)
     count = len(distances) + objective.barriers
     barrier = FIRST * objective.scale(_criterion(objective, level, point)) / count
@@ -78,7 +78,7 @@ def maximise(program: Program, objective: Objective, share: float) -> tuple[Arra
     iterate = Iterate(weights, level, barrier / distances, balance, dual, point)
     steps = 0
     for _ in range(MOST_STEPS):
-        successor, rise = _stepped(program, objective, iterate, barrier)
+        successor, rise = _step(program, objective, iterate, barrier)
         iterate, steps = successor or iterate, steps + 1
         if successor is None or rise <= CENTRED * barrier:
             last = TOLERANCE / count * objective.scale(_criterion(objective, iterate.level, iterate.point))
@@ -90,21 +90,23 @@ def maximise(program: Program, objective: Objective, share: float) -> tuple[Arra
     return iterate.weights, objective.gradient(iterate.point, iterate.dual)
 
 
-def _criterion(objective: Objective, level: float, point: Projection) -> float:
+def _criterion(objective: WeightObjective, level: float, point: Projection) -> float:
     # The criterion, or the level below it.
     return level if objective.has_level else objective.value(point, 0.0, 0.0)
 
 
-def _stepped(
-    program: Program, objective: Objective, iterate: Iterate, barrier: float
+def _step(
+    program: WeightProgram, objective: WeightObjective, iterate: Iterate, barrier: float
 ) -> tuple[Iterate | None, float]:
     # The iterate after a Newton step, None where no step leads higher, and mu times the squared decrement.
     slope = objective.slope(program, iterate.point, iterate.level, barrier, iterate.dual)
     distances = program.distances(iterate.weights)
     # Differences from the current multipliers: the multipliers themselves would lose all digits by
     # cancellation.
-    uphill = slope.by_weight + program.rising(barrier / distances) - program.equalities.T @ iterate.balance
-    diagonal, priced = program.weighed(iterate.prices / distances)
+    uphill = (
+        slope.by_weight + program.weighted_slope(barrier / distances) - program.equalities.T @ iterate.balance
+    )
+    diagonal, priced = program.weighted_curvature(iterate.prices / distances)
     curvature = np.hstack([slope.curvature, priced])
     level = np.hstack([slope.level_curvature, np.zeros((len(slope.by_level), priced.shape[1]))])
     system = _NewtonSystem(diagonal, curvature, level, program.equalities)
@@ -125,7 +127,7 @@ def _stepped(
                 prices,
                 iterate.balance + balance,
                 dual,
-                program.projected(weights),
+                program.project(weights),
             )
             after = _barrier_function(program, objective, successor, barrier)
             if after >= before + SUFFICIENT * length * rise - ROUNDING * abs(before):
@@ -134,7 +136,9 @@ def _stepped(
     return None, rise
 
 
-def _barrier_function(program: Program, objective: Objective, iterate: Iterate, barrier: float) -> float:
+def _barrier_function(
+    program: WeightProgram, objective: WeightObjective, iterate: Iterate, barrier: float
+) -> float:
     value = objective.value(iterate.point, iterate.level, barrier)
     return value + barrier * float(np.log(program.distances(iterate.weights)).sum())
 
@@ -191,7 +195,7 @@ class _NewtonSystem:
     def solve(self, uphill: Array, by_level: Array) -> tuple[Array, Array, Array, Array]:
         """Return dx (n,), y (m,), dt (h,) and dv (e,)."""
         right = [self.units * uphill, np.zeros(self.scaled.shape[1]), by_level, np.zeros(len(self.rows))]
-        change, curved, raised, balance = self._solved(right)
+        change, curved, raised, balance = self._solve(right)
         for _ in range(REFINEMENTS):
             residuals = [
                 right[0] - change - self.scaled @ curved - self.rows.T @ balance,
@@ -199,14 +203,14 @@ class _NewtonSystem:
                 right[2] - self.level @ curved,
                 -self.rows @ change,
             ]
-            corrections = self._solved(residuals)
+            corrections = self._solve(residuals)
             change, curved, raised, balance = (
                 value + correction
                 for value, correction in zip((change, curved, raised, balance), corrections, strict=True)
             )
         return self.units * change, curved, raised, balance
 
-    def _solved(self, right: list[Array]) -> tuple[Array, Array, Array, Array]:
+    def _solve(self, right: list[Array]) -> tuple[Array, Array, Array, Array]:
         # dx in units of D^-1/2, y, dt and dv for any right-hand sides; the second is that of y - U'dx - l'dt.
         first, second, third, fourth = right
         scaled, rows, level = self.scaled, self.rows, self.level

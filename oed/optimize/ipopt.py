@@ -5,7 +5,7 @@ from __future__ import annotations
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.optimize.ipopt_options import IpoptOptions
-from oed.optimize.search import Search
+from oed.optimize.search import IpoptSearch
 from oed.optimize.solver import Context
 
 
@@ -35,4 +35,4 @@ class Ipopt(IpoptOptions):
 
     def search(self, problem: Problem, context: Context) -> Solution:
         """Return the best design of all starts; of an interrupted search, the best so far."""
-        return Search(self, problem, context).run()
+        return IpoptSearch(self, problem, context).run()

@@ -231,7 +231,7 @@ class EffortTotal(Limit):
         return Rows(spent / self.total, np.array([-np.inf]), np.array([1.0]), 1.0, "")
 
 
-def lifted(problem: Problem) -> Problem | None:
+def lift(problem: Problem) -> Problem | None:
     """Return the problem with roots of the weights and the pace as further inputs.
 
     It is None where nothing is chosen together with inputs. In spaces of splines, and where whole trials are
@@ -320,7 +320,7 @@ def _sizes(problem: Problem, place: int) -> tuple[float, ...]:
     return tuple(np.tile(sizes, space.runs).tolist())
 
 
-def lowered(problem: Problem, solution: Solution) -> Solution:
+def lower(problem: Problem, solution: Solution) -> Solution:
     """Return a solution of the lifted problem as a solution of the problem, without weights."""
     if solution.trajectory is None:
         return replace(solution, problem=problem)

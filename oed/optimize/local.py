@@ -26,9 +26,9 @@ from oed.optimize.lower_level import Instants
 from oed.optimize.results import LocalResult, Round, best_round, is_better, result_of
 from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT
-from oed.optimize.transcription.coarse import Grid
-from oed.optimize.transcription.design import objective_of
-from oed.optimize.transcription.program import Outcome, Program
+from oed.optimize.transcription.coarse import SearchGrid
+from oed.optimize.transcription.design import smooth_objective
+from oed.optimize.transcription.program import IpoptOutcome, Program
 
 ROUNDS = 6
 """Largest number of solves whose drives are scored at all times; each one corrects limits and samples."""
@@ -70,11 +70,11 @@ class LocalSearch:
     ) -> None:
         """Write the expressions."""
         self.problem, self.options, self.deadline, self.refine = problem, options, deadline, refine
-        self.grid = Grid(problem, options.search_samples, refine)
+        self.grid = SearchGrid(problem, options.search_samples, refine)
         self.design = self.grid.design
         self.scale = self.design.scale
         self._robots = [[matrix / self.scale for matrix in matrices] for matrices in self.grid.robots]
-        self._objective = objective_of(problem, self._robots)
+        self._objective = smooth_objective(problem, self._robots)
         self.exchange = Exchange(problem, self.design.terms)
 
     @cached_property
@@ -131,7 +131,7 @@ class LocalSearch:
             unknowns: first values of z, (n,).
             barrier: first barrier parameter of the first solve, see `Program.solve`.
         """
-        result = self._searched(unknowns, self.no_floors, self.grid.no_correction, barrier)
+        result = self._search(unknowns, self.no_floors, self.grid.no_correction, barrier)
         better = self.improvement(unknowns, result.objective)
         if better is None:
             return result
@@ -152,7 +152,7 @@ class LocalSearch:
         value = float(self.design.objective(self._matrices(unknowns, corrections)))
         # A margin of 0.1 % of the concession keeps rounding from violating it.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
-        return self._searched(unknowns, np.append(self.no_floors, level), corrections, second=True)
+        return self._search(unknowns, np.append(self.no_floors, level), corrections, second=True)
 
     def sketch(self, unknowns: Array, barrier: float) -> LocalResult:
         """Solve once on the search's own grid, without tightening, to rank a start.
@@ -199,7 +199,7 @@ class LocalSearch:
         usable = evaluation.feasible and evaluation.identifiable
         return evaluation if usable and is_better(evaluation.objective, standing) else None
 
-    def _searched(
+    def _search(
         self,
         unknowns: Array,
         floors: Array,
@@ -234,7 +234,7 @@ class LocalSearch:
         # Solves under ever tighter limits, each with the scores of its drive.
         program = self._second if second else self.program
         backoff, instants = np.zeros(len(self.problem.limits)), self.first_instants()
-        after: Outcome | None = None
+        after: IpoptOutcome | None = None
         for _ in range(ROUNDS):
             options: dict[str, Any] = {"floors": floors, "backoff": backoff, "barrier": barrier}
             outcome, instants = self.exchanged(program, unknowns, corrections, instants, after, **options)
@@ -246,14 +246,14 @@ class LocalSearch:
             excess = self._excess(evaluation)
             # A second stage that fails under tighter limits has no freedom left.
             lost = not outcome.succeeded and (second or excess.max() > HOPELESS)
-            satisfied = not (excess.any() or self._misled(unknowns, corrections, evaluation))
+            satisfied = not (excess.any() or self._is_misled(unknowns, corrections, evaluation))
             if lost or satisfied or time.time() > self.deadline:
                 return
             slipped = self.refine < FINEST and bool(np.any(excess[self._at_points] > SLIPPED))
             if outcome.succeeded and slipped:
                 yield from self._finer._rounds(unknowns, floors, corrections, second=second)
                 return
-            before, more = backoff, self._missed(instants, drive, excess)
+            before, more = backoff, self._missed_instants(instants, drive, excess)
             backoff = np.where(self._at_instants, 0.0, np.minimum(backoff + 1.1 * excess, NARROWEST))
             instants = self.exchange.with_more(instants, more, drive)
             stuck = np.array_equal(before, backoff) and not len(more) and not self.grid.coarse
@@ -267,9 +267,9 @@ class LocalSearch:
         unknowns: Array,
         corrections: Array,
         instants: Instants,
-        after: Outcome | None = None,
+        after: IpoptOutcome | None = None,
         **options: Any,
-    ) -> tuple[Outcome, Instants]:
+    ) -> tuple[IpoptOutcome, Instants]:
         """Solve with ever more instants until limits are satisfied; return the outcome and these instants.
 
         Args:
@@ -282,14 +282,16 @@ class LocalSearch:
         """
         tolerance = options.pop("tolerance", None)
 
-        def solve(begin: Array, before: Outcome | None, chosen: Chosen | None, loosely: bool) -> Outcome:
+        def solve(
+            begin: Array, before: IpoptOutcome | None, chosen: Chosen | None, loosely: bool
+        ) -> IpoptOutcome:
             enough = max(tolerance or 0.0, LOOSE) if loosely else tolerance
             further = {"after": before, "chosen": chosen, "tolerance": enough}
             return self.solved(program, begin, corrections, **further, **options)
 
         return self.exchange.solved(solve, unknowns, after, instants, self.grid.trajectory, self.deadline)
 
-    def solved(self, program: Program, unknowns: Array, corrections: Array, **options: Any) -> Outcome:
+    def solved(self, program: Program, unknowns: Array, corrections: Array, **options: Any) -> IpoptOutcome:
         """Call Ipopt once from a start, with the grid's corrections.
 
         Args:
@@ -313,7 +315,7 @@ class LocalSearch:
         robots = self.grid.matrices_of(unknowns, corrections)
         return [[matrix / self.scale for matrix in matrices] for matrices in robots]
 
-    def gains(self, outcome: Outcome) -> dict[str, float]:
+    def gains(self, outcome: IpoptOutcome) -> dict[str, float]:
         """Return the gains by wider limits (see `Solution`) at the end of a solve of `program`."""
         if not outcome.succeeded:
             return {}
@@ -329,7 +331,7 @@ class LocalSearch:
                 gains[limit.name] = float(share / amount)
         return gains
 
-    def _missed(self, instants: Instants, drive: Trajectory, excess: Array) -> Instants:
+    def _missed_instants(self, instants: Instants, drive: Trajectory, excess: Array) -> Instants:
         # Instants between the checked times where limits are exceeded, as across a thin wall.
         finer, more = 1, instants.some(np.zeros(len(instants), dtype=bool))
         while excess[self._at_instants].any() and not len(more) and finer <= FINEST:
@@ -348,7 +350,7 @@ class LocalSearch:
         on_path = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
         return on_path & ~self._at_instants
 
-    def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:
+    def _is_misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:
         # True where the objective on the grid differs from that on all samples.
         if not self.grid.coarse:
             return False

@@ -17,7 +17,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, G, I
 from oed.kernel.measurement.square_root import reduced
-from oed.optimize.weight_program import Program, Projection
+from oed.optimize.weight_program import Projection, WeightProgram
 
 INSIDE = 0.995
 """Share of the way to the nearest bound that one step may go."""
@@ -42,7 +42,7 @@ class Slope:
     dual_change: Callable[[Array], Array]
 
 
-class Objective(ABC):
+class WeightObjective(ABC):
     """A concave function of the information, or the barrier problem with a level t below its criterion.
 
     Attributes:
@@ -90,7 +90,9 @@ class Objective(ABC):
         """
 
     @abstractmethod
-    def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
+    def slope(
+        self, program: WeightProgram, point: Projection, level: float, barrier: float, dual: Array
+    ) -> Slope:
         """Return the derivatives where the objective has a value.
 
         Args:
@@ -102,7 +104,7 @@ class Objective(ABC):
         """
 
 
-class Volume(Objective):
+class Volume(WeightObjective):
     """The objective log det S."""
 
     def __init__(self, size: int) -> None:
@@ -122,7 +124,9 @@ class Volume(Objective):
         """Return log det S."""
         return _log_determinant(point.information)
 
-    def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
+    def slope(
+        self, program: WeightProgram, point: Projection, level: float, barrier: float, dual: Array
+    ) -> Slope:
         """Return the derivatives."""
         rows = point.judged @ _inverse_root(point.information).T
         columns, lines = np.triu_indices(rows.shape[1])
@@ -130,7 +134,7 @@ class Volume(Objective):
         return _without_level(program, rows, np.hstack([squares, _products(rows, point.eliminated)]))
 
 
-class Variance(Objective):
+class Variance(WeightObjective):
     """The objective minus a variance of predictions, -tr C S^-1."""
 
     def __init__(self, predictions: Array) -> None:
@@ -147,14 +151,16 @@ class Variance(Objective):
         """Return minus the variance."""
         return -float(_variances(point.information, [self.predictions])[0])
 
-    def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
+    def slope(
+        self, program: WeightProgram, point: Projection, level: float, barrier: float, dual: Array
+    ) -> Slope:
         """Return the derivatives."""
         root = _inverse_root(point.information)
         rows = point.judged @ reduced(self.predictions @ root.T @ root).T
         return _without_level(program, rows, _products(rows, point.whitened(root)))
 
 
-class SmallestEigenvalue(Objective):
+class SmallestEigenvalue(WeightObjective):
     """The barrier problem t + mu log det (S - t W), with multipliers Z (p, p)."""
 
     has_level = True
@@ -186,7 +192,9 @@ class SmallestEigenvalue(Objective):
         """Return the objective."""
         return level + barrier * _log_determinant(point.information - level * self.weighing)
 
-    def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
+    def slope(
+        self, program: WeightProgram, point: Projection, level: float, barrier: float, dual: Array
+    ) -> Slope:
         """Return the derivatives, the curvature by Z and X = S - t W as [Monteiro, 1997] does."""
         root, factor = _inverse_root(point.information - level * self.weighing), _root(dual)
         rows, weighted = point.judged @ root.T, point.judged @ factor.T
@@ -209,7 +217,7 @@ class SmallestEigenvalue(Objective):
         )
 
 
-class LargestVariance(Objective):
+class LargestVariance(WeightObjective):
     """The barrier problem t + mu sum log(-t - tr C_l S^-1) of several variances, each with a multiplier."""
 
     has_level = True
@@ -240,7 +248,9 @@ class LargestVariance(Objective):
         spare = self._spare(point, level)
         return level + barrier * float(np.log(spare).sum()) if spare.min() > 0 else -np.inf
 
-    def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
+    def slope(
+        self, program: WeightProgram, point: Projection, level: float, barrier: float, dual: Array
+    ) -> Slope:
         """Return the derivatives."""
         root, central = _inverse_root(point.information), self.central(point, level, barrier)
         steep = np.sqrt(dual / self._spare(point, level))
@@ -265,7 +275,7 @@ def longest(values: Array, changes: Array) -> float:
     return min(1.0, INSIDE * float(np.min(values[falling] / -changes[falling], initial=np.inf)))
 
 
-def _without_level(program: Program, rows: Array, curvature: Array) -> Slope:
+def _without_level(program: WeightProgram, rows: Array, curvature: Array) -> Slope:
     by_weight, columns = program.by_reading((rows**2).sum(axis=1)), program.by_reading(curvature)
     empty = np.zeros(0)
     return Slope(by_weight, empty, columns, np.zeros((0, columns.shape[1])), lambda change: empty)
@@ -304,7 +314,7 @@ def _root(matrix: Array) -> Array:
     return np.asarray((vectors * np.sqrt(values)).T)
 
 
-def objective_of(criterion: Criterion, units: Array) -> Objective:
+def weight_objective(criterion: Criterion, units: Array) -> WeightObjective:
     """Return the objective of a criterion.
 
     Args:

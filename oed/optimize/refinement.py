@@ -28,7 +28,7 @@ ENDED = (Status.INTERRUPTED, Status.TIME_LIMIT)
 STAGE = "refined_spline"
 """Name of the stage in solutions."""
 
-Search = Callable[[Solver, Problem, Context], Solution]
+SearchFunction = Callable[[Solver, Problem, Context], Solution]
 """Function that searches a problem with a fixed spline."""
 
 
@@ -61,7 +61,7 @@ def on_spline(problem: Problem, spline: Spline) -> Problem:
     return replace(problem, design=problem.design.with_spline(spline))
 
 
-def refined(options: Solver, problem: Problem, context: Context, search: Search) -> Solution:
+def refined(options: Solver, problem: Problem, context: Context, search: SearchFunction) -> Solution:
     """Return the best design of a problem whose spline is refined, with all levels of refinement.
 
     Args:
@@ -74,7 +74,7 @@ def refined(options: Solver, problem: Problem, context: Context, search: Search)
     best = search(options, on_spline(problem, spline), context)
     if not best.status.usable or best.trajectory is None:
         return best
-    best = _scored(problem, best)
+    best = _score(problem, best)
     levels = [_level(spline, best)]
     finer: Iterator[Spline] = iter(())
     if best.status is Status.INTERRUPTED:
@@ -94,10 +94,10 @@ def refined(options: Solver, problem: Problem, context: Context, search: Search)
             reason = f"no design with {spline.count} coefficients was found"
             best = replace(best, status=solution.status) if ended else best
             break
-        solution = _scored(problem, solution)
+        solution = _score(problem, solution)
         levels.append(_level(spline, solution))
         gain = _gain(problem, levels[-1], levels[-2])
-        best = _joined(best, solution) if gain > 0 else replace(best, status=solution.status)
+        best = _join(best, solution) if gain > 0 else replace(best, status=solution.status)
         if gain < ENOUGH or ended:
             reason = ""
             break
@@ -106,7 +106,7 @@ def refined(options: Solver, problem: Problem, context: Context, search: Search)
     return replace(best, levels=tuple(levels), detail=detail, wall_seconds=seconds)
 
 
-def _scored(problem: Problem, solution: Solution) -> Solution:
+def _score(problem: Problem, solution: Solution) -> Solution:
     # The score is by the limits of the study, not by tightened ones.
     assert solution.trajectory is not None
     return replace(solution, evaluation=score(problem, solution.trajectory))
@@ -124,7 +124,7 @@ def _gain(problem: Problem, level: RefinementLevel, before: RefinementLevel) -> 
     return problem.objective.change(level.objective, before.objective, size)
 
 
-def _joined(before: Solution, solution: Solution) -> Solution:
+def _join(before: Solution, solution: Solution) -> Solution:
     # The finer design, with the history of the search before it.
     assert solution.evaluation is not None
     spent = before.history[-1].evaluations if before.history else 0

@@ -14,7 +14,7 @@ from oed.foundation.work.progress import Progress, announce
 from oed.kernel.problem import Problem
 from oed.kernel.results import Evaluation
 from oed.kernel.solution import Start, Status
-from oed.optimize.transcription.program import OUT_OF_TIME, Outcome
+from oed.optimize.transcription.program import OUT_OF_TIME, IpoptOutcome
 
 ROUNDING = 1e-9
 """Smallest improvement, as a share of the objective, with which a design replaces an earlier one."""
@@ -31,7 +31,7 @@ _STATUS = {
     "Restoration_Failed": Status.INFEASIBLE,
 }
 
-Round: TypeAlias = tuple[Outcome, Evaluation]
+Round: TypeAlias = tuple[IpoptOutcome, Evaluation]
 """Outcome of a solve, and the scores of its drive."""
 
 

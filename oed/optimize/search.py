@@ -60,7 +60,7 @@ class TimeUp(Exception):
     """Signal that the time limit of the search has passed."""
 
 
-class Search:
+class IpoptSearch:
     """Multi-start search of one problem.
 
     Args:
@@ -85,7 +85,7 @@ class Search:
         self.evaluations = 0
         self.explored: Explored | None = None
         self.stopped: Status | None = None
-        self._looked_at: list[Array] = []
+        self._screened_drives: list[Array] = []
         self._seconds: list[float] = []
         self._solves_left = 0.0
         self._standing = -np.inf
@@ -99,7 +99,7 @@ class Search:
                 self._find()
             finally:
                 # The best screened drives are candidates for the design, too.
-                self._keep_better(self._looked_at)
+                self._keep_better(self._screened_drives)
             self._check_time()
             self._decide()
         except TimeUp:
@@ -129,7 +129,7 @@ class Search:
     def _try_starts(self, count: int) -> None:
         rng, name = self.context.rng(0), self.options.start_from
         self.context.progress.begin("starts", count)
-        screened = self._screened(self.local.design, rng)
+        screened = self._screen(self.local.design, rng)
         points = starting_points(self.local.design, count, rng, screened)
         if name is not None:
             points[0] = self._earlier_design(name)
@@ -137,7 +137,7 @@ class Search:
         self._maximise(points[:TRIAL])
         # Where the first few starts give no design, the reason is looked for before trying more.
         if self.best is None:
-            self._keep_better(self._looked_at)
+            self._keep_better(self._screened_drives)
         if self.best is not None or not self._conflict:
             self._maximise(points[TRIAL:])
         self._note_stage("starts")
@@ -159,7 +159,7 @@ class Search:
         explorer = explorer_of(self.shared)
         design, name = explorer.local.design, self.options.start_from
         self.context.progress.begin("explore", 100)
-        screened = self._screened(design, self.context.rng(0))
+        screened = self._screen(design, self.context.rng(0))
         fresh = varied_starts(design, screened, self.context.rng(3))
         exploration = Exploration(design, fresh, self.context.rng(1), self.options.budget)
         try:
@@ -170,7 +170,7 @@ class Search:
             while not exploration.done:
                 self._sketch(explorer, exploration, exploration.next_round())
         except (TimeUp, KeyboardInterrupt):
-            self._looked_at[:0] = [optimum.unknowns for optimum in exploration.worth_finishing]
+            self._screened_drives[:0] = [optimum.unknowns for optimum in exploration.worth_finishing]
             raise
         finally:
             self.explored = exploration.explored
@@ -282,10 +282,10 @@ class Search:
                 self.best = LocalResult(unknowns, 0, 0.0, Status.UNIMPROVED, evaluation=evaluation)
                 return
 
-    def _screened(self, design: DesignExpressions, rng: np.random.Generator) -> Screening:
+    def _screen(self, design: DesignExpressions, rng: np.random.Generator) -> Screening:
         screened = screen(design, rng)
         self.evaluations += SCREENED
-        self._looked_at = screened.feasible(TOLERANCE)[:RESCORED]
+        self._screened_drives = screened.feasible(TOLERANCE)[:RESCORED]
         return screened
 
     def _earlier_design(self, name: str) -> Array:

@@ -84,15 +84,15 @@ def select(problem: Problem, trajectory: Trajectory) -> Selected | None:
     selections = _SELECTIONS.setdefault(problem, {})
     key = pickle.dumps(replace(trajectory, weights=None))
     if key not in selections:
-        selections[key] = _selected(problem, problem.selection, trajectory)
+        selections[key] = _select(problem, problem.selection, trajectory)
     return selections[key]
 
 
 _SELECTIONS: WeakKeyDictionary[Problem, dict[bytes, Selected | None]] = WeakKeyDictionary()
 
 
-def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected | None:
-    parts, budgets, costs = _within(problem, selection, trajectory)
+def _select(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected | None:
+    parts, budgets, costs = _budgeted_parts(problem, selection, trajectory)
     criterion, largest = problem.objective, np.zeros(len(parts.readings))
     for budget in budgets:
         largest[list(budget.places)] = budget.upper
@@ -107,13 +107,13 @@ def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) ->
     return Selected(criterion, parts, budgets, costs, relaxed, exact_weights(criterion, parts, near, budgets))
 
 
-def _within(
+def _budgeted_parts(
     problem: Problem, selection: Selection, trajectory: Trajectory
 ) -> tuple[Parts, tuple[Budget, ...], tuple[Cost, ...]]:
     # Weighted readings, with their budgets and costs; candidates that exceed a limit get no weight.
     parts = selection.parts(parts_of(problem, trajectory))
     allowed = _allowed(problem, selection, trajectory, parts)
-    budgets = tuple(_restricted(budget, allowed) for budget in selection.budgets(parts))
+    budgets = tuple(_restrict(budget, allowed) for budget in selection.budgets(parts))
     return parts, budgets, costs_of(problem, trajectory, parts)
 
 
@@ -140,7 +140,7 @@ def _allowed(problem: Problem, selection: Selection, trajectory: Trajectory, par
     return allowed if allowed.any() else ~allowed
 
 
-def _restricted(budget: Budget, allowed: Bools) -> Budget:
+def _restrict(budget: Budget, allowed: Bools) -> Budget:
     # The budget without weights of forbidden readings; its total is at most what the others can spend.
     members = allowed[list(budget.places)]
     if members.all():
@@ -176,7 +176,7 @@ def with_readings(problem: Problem, solution: Solution) -> Solution:
     if selected is not None:
         weights = selected.parts.of_every_reading(selected.chosen.values)
     else:
-        parts, budgets, costs = _within(problem, problem.selection, solution.trajectory)
+        parts, budgets, costs = _budgeted_parts(problem, problem.selection, solution.trajectory)
         even = np.zeros(len(parts.readings))
         for budget in budgets:
             even[list(budget.places)] = budget.even * budget.upper

@@ -12,7 +12,7 @@ from oed.foundation.arrays import Array, Places
 
 
 @dataclass(frozen=True)
-class Program:
+class WeightProgram:
     """Rows of readings and linear constraints, in units in which all first weights are 1.
 
     Attributes:
@@ -65,14 +65,14 @@ class Program:
         """Return the changes (d,) of the distances with a change (n,) of the weights."""
         return np.concatenate([change, -change[self._bounded], -self.inequalities @ change])
 
-    def rising(self, prices: Array) -> Array:
+    def weighted_slope(self, prices: Array) -> Array:
         """Return the derivatives by the weights, (n,), of the distances' sum weighted by prices (d,)."""
         low, high, rest = self._apart(prices)
         derivatives = low.copy()
         derivatives[self._bounded] -= high
         return derivatives - rest @ self.inequalities
 
-    def weighed(self, stiffness: Array) -> tuple[Array, Array]:
+    def weighted_curvature(self, stiffness: Array) -> tuple[Array, Array]:
         """Return the second derivatives by the weights of the distances' squares, weighted by stiffness (d,).
 
         They are a diagonal (n,), and the square of columns (n, i).
@@ -87,7 +87,7 @@ class Program:
         limited = count + len(self._bounded)
         return values[:count], values[count:limited], values[limited:]
 
-    def projected(self, weights: Array) -> Projection:
+    def project(self, weights: Array) -> Projection:
         """Return the judged information at weights (n,), with the projected rows of the readings."""
         rows = np.vstack([self.rows, self.known_rows])
         counts = np.concatenate([weights[self.places], np.ones(len(self.known_rows))])

@@ -19,8 +19,8 @@ from oed.kernel.measurement.square_root import rounding_of
 from oed.kernel.parts import ROUNDING, Budget, Cost, Parts
 from oed.kernel.repetitions import spent_at_most
 from oed.optimize.interior_point import maximise
-from oed.optimize.objectives import objective_of
-from oed.optimize.weight_program import Program
+from oed.optimize.objectives import weight_objective
+from oed.optimize.weight_program import WeightProgram
 
 PRESENT = 1e-6
 """Share of the largest weight within which a weight counts as at a bound."""
@@ -76,7 +76,7 @@ def best_weights(
     free = np.sort(np.concatenate([np.array(budget.places, dtype=int) for budget in open_budgets]))
     free = free[most[free] > 0]
     limits = _Limits(open_budgets, costs, most)
-    values, multiplier = _maximised(criterion, parts, limits, start.values, free)
+    values, multiplier = _maximise(criterion, parts, limits, start.values, free)
     chosen = limits.nearest(values)
     planes = [_weights(criterion, parts, chosen, dual) for dual in (multiplier, None)]
     best = min(
@@ -97,11 +97,11 @@ class _Limits:
         chosen = np.clip(weights, 0.0, self.most)
         for budget in self.budgets:
             if not self.costs or budget.spent(chosen) > budget.total:
-                chosen[list(budget.places)] = _spending(budget, chosen)
+                chosen[list(budget.places)] = _spend(budget, chosen)
         return spent_at_most(self.costs, chosen)
 
 
-def _spending(budget: Budget, weights: Array) -> Array:
+def _spend(budget: Budget, weights: Array) -> Array:
     # The weights of a budget, all lowered or raised by one share until the budget is spent.
     current, spare = weights[list(budget.places)], budget.total - budget.spent(weights)
     if spare <= 0:
@@ -111,7 +111,7 @@ def _spending(budget: Budget, weights: Array) -> Array:
     return np.asarray(current + slack * min(spare / unspent, 1.0)) if unspent > 0 else current
 
 
-def _maximised(
+def _maximise(
     criterion: Criterion, parts: Parts, limits: _Limits, start: Array, free: Places
 ) -> tuple[Array, Array]:
     # The best weights (n,), with fixed ones unchanged, and a multiplier (judged, judged).
@@ -138,7 +138,7 @@ def _maximised(
     upper[spent.max(axis=0) * upper >= 1.0] = np.inf
     priced = [np.array(cost.sizes)[free] * first / cost.most for cost in limits.costs]
     limited = np.vstack([spent, *priced]) if priced else np.zeros((0, len(free)))
-    program = Program(
+    program = WeightProgram(
         whitened(rows),
         some.places,
         whitened(some.known_rows),
@@ -147,12 +147,12 @@ def _maximised(
         spent[: 0 if priced else None],
         limited,
     )
-    shares, gradient = maximise(program, objective_of(criterion, units), BEGUN if priced else 1.0)
-    certain[free] = _fewest(program, shares) * first
+    shares, gradient = maximise(program, weight_objective(criterion, units), BEGUN if priced else 1.0)
+    certain[free] = _sparsest(program, shares) * first
     return certain, units @ gradient @ units.T
 
 
-def _fewest(program: Program, weights: Array) -> Array:
+def _sparsest(program: WeightProgram, weights: Array) -> Array:
     # Weights of the same information, no more of them strictly between their bounds than there are equations
     # [Caratheodory]: a few of many similar readings, rather than a little of each.
     columns, lines = np.triu_indices(program.rows.shape[1])

@@ -12,7 +12,7 @@ from oed.kernel.dynamics.space import Space, Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, solve
-from oed.optimize.lifted import lifted
+from oed.optimize.lifted import lift
 from oed.study.study import Study
 from oed.workflow.studies import Work
 
@@ -76,7 +76,7 @@ def options_from(study: Study, best: Solution | None) -> Ipopt | None:
     options = next((solver for solver in for_study if isinstance(solver, Ipopt)), None)
     if options is None or best is None or best.kind != "baseline":
         return None
-    if problem.selection is not None or lifted(problem) is not None or problem.design.own_spline.degree == 0:
+    if problem.selection is not None or lift(problem) is not None or problem.design.own_spline.degree == 0:
         return None
     name, tolerance = f"{options.label}_from_{best.name}", max(options.tolerance, CLOSE)
     changes = {"name": name, "start_from": best.name, "second_stage": "none", "tolerance": tolerance}

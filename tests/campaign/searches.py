@@ -11,7 +11,7 @@ import numpy as np
 import oed
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.solution import scored
-from oed.optimize.lifted import lifted
+from oed.optimize.lifted import lift
 
 from .cases import Verdict
 from .generator.quantities import one_of
@@ -45,7 +45,7 @@ def searched(
     known = [one for one in known if one.evaluation.feasible and _is_design(one.evaluation.objective)]
     seed, options = int(rng.integers(1000)), dict[str, Any](one_of(rng, FROM_NOWHERE))
     # Searches of readings or the duration along with inputs take no start.
-    if known and lifted(problem) is None:
+    if known and lift(problem) is None:
         options = {**one_of(rng, (FROM_NOWHERE[0], FROM_NOWHERE[2])), "start_from": GIVEN}
     earlier = {one.name: one for one in known[:1]} if "start_from" in options else {}
     found = oed.solve(

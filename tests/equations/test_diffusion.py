@@ -24,7 +24,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.scorer import score
 from oed.kernel.solution import scored
 from oed.optimize.condensed.terms import Condensed
-from oed.optimize.lifted import lifted, lowered
+from oed.optimize.lifted import lift, lower
 from oed.simulation.monte_carlo import validate
 
 K, GAIN, PERIOD, SAMPLES, STEPS = 0.7, 1.3, 0.5, 12, 10
@@ -139,13 +139,13 @@ def test_what_is_predicted_is_what_simulated_experiments_scatter_by():
 @pytest.mark.slow
 def test_a_search_that_chooses_the_duration_sees_the_noise_of_the_time_it_takes():
     problem = problem_of(shortest=2.0)
-    search = lifted(problem)
+    search = lift(problem)
     assert search is not None
     terms = Condensed(search)
     z = np.random.default_rng(1).uniform(0.4, 0.9, terms.size)
     table = np.array(ca.Function("table", [terms.unknowns], [terms.coefficients])(z))
     chosen = scored(search, search.design.trajectory(table, np.array([0.2, 0.1])), "chosen")
-    own = lowered(problem, chosen)
+    own = lower(problem, chosen)
     assert 2.0 < own.trajectory.duration < 6.0
     (estimation,) = problem.any_estimations
     entries = np.array(terms.values(z)[0]).ravel()

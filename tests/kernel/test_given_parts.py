@@ -234,7 +234,7 @@ def test_a_solver_may_be_named(three_segments, monkeypatch):
         asked.append(options)
         return unscored(options.label, options.kind, "nothing")
 
-    monkeypatch.setattr("oed.optimize.assured", search)
+    monkeypatch.setattr("oed.optimize.search_with_assurance", search)
     monkeypatch.setattr("oed.optimize.require_identifiable", lambda problem: None)
     for named in ("genetic", None, "ipopt"):
         oed.solve(three_segments, named)

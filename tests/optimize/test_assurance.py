@@ -18,7 +18,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, Violation
 from oed.optimize import Genetic, Ipopt, assurance, solve
-from oed.optimize.assurance import FINAL, MORE_DRAWS, NARROWER, UNTRIED, assured
+from oed.optimize.assurance import FINAL, MORE_DRAWS, NARROWER, UNTRIED, search_with_assurance
 from oed.optimize.solver import Context, Solver
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Poses
@@ -218,7 +218,7 @@ class TestLevel:
 
         def times(draws: int) -> int:
             asked = Asked(tightened(draws=draws))
-            ends = [assured(Larger(), asked, Context(seed=0)) for _ in range(self.RUNS)]
+            ends = [search_with_assurance(Larger(), asked, Context(seed=0)) for _ in range(self.RUNS)]
             return sum(one.trajectory is not None for one in ends)
 
         return times
@@ -231,7 +231,7 @@ class TestLevel:
 
     def test_few_draws_that_reject_a_drive_end_the_search(self, accepted):
         problem = robust_problem(robust=tightened(draws=122))
-        end = assured(Larger(), problem, Context(seed=0))
+        end = search_with_assurance(Larger(), problem, Context(seed=0))
         assert end.trajectory is None
         assert MORE_DRAWS in end.message
 

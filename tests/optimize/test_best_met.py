@@ -20,7 +20,7 @@ from oed.optimize.local import LocalSearch
 from oed.optimize.lower_level import Instants
 from oed.optimize.solver import Context
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.program import Outcome
+from oed.optimize.transcription.program import IpoptOutcome
 from oed.optimize.transcription.starting_points import starting_points
 from oed.robots.sensors import Displacements, Poses
 
@@ -89,11 +89,11 @@ def ending(points: list[Any]) -> Any:
     """A search whose rounds end at these points, one after the other."""
     left = list(points)
 
-    def exchanged(self: LocalSearch, *_: Any, **__: Any) -> tuple[Outcome, Instants]:
+    def exchanged(self: LocalSearch, *_: Any, **__: Any) -> tuple[IpoptOutcome, Instants]:
         point = left.pop(0) if len(left) > 1 else left[0]
         nothing = np.zeros(0)
         gains = np.zeros(len(self.problem.limits))
-        found = Outcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing, 1.0, gains)
+        found = IpoptOutcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing, 1.0, gains)
         return found, self.exchange.begun()
 
     return exchanged
@@ -116,7 +116,7 @@ def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPa
     search, poor, good, outside = drives(problem)
     # Rounds go on while the limits are exceeded: the feasible end is met in the middle on a misled grid.
     monkeypatch.setattr(LocalSearch, "exchanged", ending([good, poor, outside]))
-    monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
+    monkeypatch.setattr(LocalSearch, "_is_misled", lambda *_: True)
     found = search.maximise(0.01 * poor)
     np.testing.assert_array_equal(found.unknowns, good)
     assert found.evaluation.feasible
@@ -223,7 +223,7 @@ def test_a_feasible_start_of_a_search_that_ends_not_finite_is_returned(monkeypat
 
 def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
+    monkeypatch.setattr(LocalSearch, "_is_misled", lambda *_: True)
     monkeypatch.setattr(local, "score", refusing([outside], search))
     for search_from, stage in (
         (search.maximise, "program"),
@@ -238,7 +238,7 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
 def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "exchanged", ending([good, outside]))
-    monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
+    monkeypatch.setattr(LocalSearch, "_is_misled", lambda *_: True)
     monkeypatch.setattr(LocalSearch, "_at_points", property(lambda own: np.full(2, own is search)))
     monkeypatch.setattr(local, "score", refusing([outside], search))
     np.testing.assert_array_equal(search.maximise(poor).unknowns, good)

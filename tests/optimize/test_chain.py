@@ -14,7 +14,7 @@ from oed.kernel.solution import Status
 from oed.optimize import Ipopt, solve
 from oed.optimize.terms import terms_of
 from oed.optimize.transcription.chain import ChainRule, Frame
-from oed.optimize.transcription.design import DesignExpressions, objective_of
+from oed.optimize.transcription.design import DesignExpressions, smooth_objective
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.space import DesignSpace
@@ -56,7 +56,7 @@ def make_chain(overrides: dict, *, bent: bool = False) -> tuple[ChainRule, np.nd
     """A search's program, and a point of it."""
     design = DesignExpressions(problem_of(**{"design": DesignSpace(**SPACE), **overrides}))
     robots = [[matrix / design.scale for matrix in own] for own in design.robots]
-    sought = objective_of(design.problem, robots)
+    sought = smooth_objective(design.problem, robots)
     target = sought.maximised
     if bent:
         target = sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in robots[0])

@@ -15,7 +15,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
 from oed.optimize.local import MISLED, LocalSearch
-from oed.optimize.transcription.coarse import Grid
+from oed.optimize.transcription.coarse import SearchGrid
 from oed.optimize.transcription.starting_points import random_drives
 from oed.robots.sensors import Displacements, Poses, Several, YawRate
 from oed.robots.space import DesignSpace
@@ -40,7 +40,7 @@ def fine_problem(samples: int = 240, **overrides: object) -> Problem:
     return problem_of(**{"design": DesignSpace(**space), **overrides})
 
 
-def some_drive(grid: Grid, seed: int = 0) -> np.ndarray:
+def some_drive(grid: SearchGrid, seed: int = 0) -> np.ndarray:
     return random_drives(grid.design, np.array([0.5]), np.random.default_rng(seed))[0]
 
 
@@ -66,7 +66,7 @@ def test_splines_of_many_coefficients_need_a_finer_grid():
 
 
 def test_up_to_600_samples_are_looked_at_one_by_one():
-    grid = Grid(fine_problem())
+    grid = SearchGrid(fine_problem())
     assert not grid.coarse
     assert grid.design.problem is grid.problem
     assert grid.corrections.numel() == 0
@@ -77,7 +77,7 @@ def test_up_to_600_samples_are_looked_at_one_by_one():
 @pytest.mark.slow
 def test_corrected_it_tells_what_all_samples_tell(measurement, runs: int):
     design = fine_problem().design.model_copy(update={"runs": runs})
-    grid = Grid(fine_problem(design=design, measurement=measurement), 60)
+    grid = SearchGrid(fine_problem(design=design, measurement=measurement), 60)
     assert grid.coarse
     unknowns = some_drive(grid)
     drive = grid.trajectory(unknowns)
@@ -117,7 +117,7 @@ def test_corrected_it_tells_what_all_samples_tell(measurement, runs: int):
     ids=["a covariance of all readings", "several robots judged"],
 )
 def test_what_needs_all_samples_gets_them(overrides: dict):
-    assert not Grid(fine_problem(samples=80, **overrides), 20).coarse
+    assert not SearchGrid(fine_problem(samples=80, **overrides), 20).coarse
 
 
 @pytest.mark.slow
@@ -172,5 +172,5 @@ def test_a_long_drive_is_designed_as_well_as_a_short_one():
 
 @pytest.mark.parametrize(("wanted", "expected"), [(60, 60), (50, 54), (4, 6)])
 def test_a_grid_asked_for_has_segments_of_equal_length_too(wanted: int, expected: int):
-    grid = Grid(fine_problem(measurement=MEASUREMENTS["segments"]), wanted)
+    grid = SearchGrid(fine_problem(measurement=MEASUREMENTS["segments"]), wanted)
     assert grid.design.problem.design.samples == expected

@@ -10,7 +10,7 @@ import pytest
 from builders import problem_of
 
 from oed.kernel.criteria import D
-from oed.optimize.transcription.design import objective_of
+from oed.optimize.transcription.design import smooth_objective
 from oed.uncertainty.robust import Robust
 
 MATRICES = [np.array([[2.0, 0.3], [0.3, 3.0]]), np.array([[5.0, -1.0], [-1.0, 4.0]])]
@@ -20,7 +20,7 @@ def maximised(matrices: list[np.ndarray], **parts: Any) -> tuple[float, np.ndarr
     """What is maximised, of robots with these matrices, what is to stay above 0, and each criterion."""
     problem = problem_of(criterion=D(scaling="none"), **parts)
     symbols = [ca.SX.sym("information", *one.shape) for one in matrices]
-    found = objective_of(problem, [[one] for one in symbols])
+    found = smooth_objective(problem, [[one] for one in symbols])
     begun = found.initial([[one] for one in matrices])
     assert len(begun) == found.variables.numel()
     function = ca.Function("objective", [*symbols, found.variables], [found.maximised, found.floors])

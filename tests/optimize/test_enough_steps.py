@@ -12,7 +12,7 @@ import oed
 from oed.kernel.evaluation import evaluate
 from oed.kernel.scorer import score
 from oed.kernel.solution import Status
-from oed.optimize import _searched, enough_steps
+from oed.optimize import _search, enough_steps
 from oed.optimize.solver import Context
 
 SWING = """format: 1
@@ -75,7 +75,7 @@ def test_a_search_by_the_study_s_steps_alone_breaks_the_limit():
     """What the search above is spared."""
     problem = study(1).problem
     solver = study(1).solvers[0]
-    found = _searched(solver, problem, Context(workers=1))
+    found = _search(solver, problem, Context(workers=1))
     assert score(problem, found.trajectory).feasible
     assert farthest(found.trajectory) > 0.16
 
@@ -102,9 +102,11 @@ def test_a_design_that_exceeds_a_limit_with_fine_steps_is_not_called_converged(
 @pytest.mark.slow
 def test_a_design_is_kept_where_finer_steps_find_none():
     problem, solver = study(1).problem, study(1).solvers[0]
-    coarse = _searched(solver, problem, Context(workers=1))
+    coarse = _search(solver, problem, Context(workers=1))
     answers = iter([coarse, replace(coarse, trajectory=None, evaluation=None, status=Status.INTERRUPTED)])
-    kept = enough_steps.by_enough_steps(lambda *_: next(answers), solver, problem, Context(workers=1))
+    kept = enough_steps.search_with_enough_steps(
+        lambda *_: next(answers), solver, problem, Context(workers=1)
+    )
     assert kept.trajectory is coarse.trajectory
     assert kept.status is Status.INTERRUPTED
     assert enough_steps.COARSER in kept.detail
@@ -120,5 +122,5 @@ def test_a_search_that_was_interrupted_is_not_taken_up_again():
         seen.append(1)
         return oed.Solution("ipopt", "ipopt", drive, score(problem, drive), Status.INTERRUPTED)
 
-    enough_steps.by_enough_steps(search, study(1).solvers[0], problem, Context(workers=1))
+    enough_steps.search_with_enough_steps(search, study(1).solvers[0], problem, Context(workers=1))
     assert len(seen) == 1

@@ -16,8 +16,8 @@ from oed.optimize import Ipopt, solve
 from oed.optimize.exchange import ENOUGH, IDLE, Exchange
 from oed.optimize.lower_level import Instants
 from oed.optimize.terms import terms_of
-from oed.optimize.transcription.coarse import Grid
-from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, Outcome
+from oed.optimize.transcription.coarse import SearchGrid
+from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, IpoptOutcome
 from oed.robots.limits import BodySpeed, Rectangle, YawRate
 from oed.robots.sensors import Poses
 
@@ -125,7 +125,7 @@ def test_nothing_gives_way_to_what_is_as_close(problem: Problem, exchange: Excha
 
 
 def test_on_fewer_samples_bounds_are_moved_by_what_rows_differ(problem: Problem):
-    grid = Grid(problem, samples=problem.design.samples // 2)
+    grid = SearchGrid(problem, samples=problem.design.samples // 2)
     assert grid.coarse
     exchange, drive = Exchange(problem, grid.design.terms), fast(problem)
     own = Exchange(grid.design.problem, grid.design.terms)
@@ -138,13 +138,13 @@ def test_on_fewer_samples_bounds_are_moved_by_what_rows_differ(problem: Problem)
     np.testing.assert_allclose(chosen.lower - unmoved.lower, apart, atol=1e-12)
 
 
-def passes(problem: Problem, exchange: Exchange, **given) -> tuple[list[bool], Outcome]:
+def passes(problem: Problem, exchange: Exchange, **given) -> tuple[list[bool], IpoptOutcome]:
     """Which solves are loose where limits stay exceeded, and what is handed on."""
     loose: list[bool] = []
 
-    def solve(begin, after, chosen, loosely: bool) -> Outcome:
+    def solve(begin, after, chosen, loosely: bool) -> IpoptOutcome:
         loose.append(loosely)
-        return Outcome(
+        return IpoptOutcome(
             begin, np.zeros(0), "Solve_Succeeded", 1, 1, np.zeros(0), np.zeros(0), 1.0, np.zeros(0)
         )
 

@@ -29,7 +29,7 @@ from oed.optimize.exploration import (
 from oed.optimize.ipopt_options import BUDGET, with_shared_budget
 from oed.optimize.local import LocalSearch
 from oed.optimize.results import LocalResult
-from oed.optimize.search import Search, TimeUp
+from oed.optimize.search import IpoptSearch, TimeUp
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 from oed.optimize.transcription.starting_points import Screening, screen, varied_starts
@@ -201,11 +201,11 @@ def end_after(monkeypatch: pytest.MonkeyPatch, checks: int) -> None:
     """Let the time be up after so many checks of it."""
     left = iter(range(checks))
 
-    def check(_: Search) -> None:
+    def check(_: IpoptSearch) -> None:
         if next(left, None) is None:
             raise TimeUp
 
-    monkeypatch.setattr(Search, "_check_time", check)
+    monkeypatch.setattr(IpoptSearch, "_check_time", check)
 
 
 @pytest.mark.usefixtures("few_screened")

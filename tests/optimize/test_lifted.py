@@ -15,7 +15,7 @@ from oed.kernel.pace import PACE
 from oed.kernel.selection import Selection
 from oed.kernel.solution import scored
 from oed.optimize.condensed.terms import Condensed
-from oed.optimize.lifted import EffortTotal, lifted, lowered
+from oed.optimize.lifted import EffortTotal, lift, lower
 
 pytestmark = pytest.mark.usefixtures("few_screened")
 
@@ -43,11 +43,11 @@ def decaying(measurement: oed.Rates | oed.Outputs, criterion: str | Criterion = 
 @pytest.mark.parametrize("sensor", [oed.Outputs, oed.Rates])
 def test_readings_say_as_much_as_in_the_time_that_is_chosen(sensor):
     problem = decaying(sensor(noise={"a": 0.1}))
-    search = lifted(problem)
+    search = lift(problem)
     terms = Condensed(search)
     z = np.random.default_rng(1).uniform(0.4, 0.9, terms.size)
     table = np.array(ca.Function("table", [terms.unknowns], [terms.coefficients])(z))
-    own = lowered(problem, scored(search, search.design.trajectory(table, np.array([0.2])), "chosen"))
+    own = lower(problem, scored(search, search.design.trajectory(table, np.array([0.2])), "chosen"))
     assert 2.0 < own.trajectory.duration < 6.0
     (estimation,) = problem.any_estimations
     expected = own.evaluation.full_square_roots["joint"].matrix * estimation.scales**2
@@ -58,7 +58,7 @@ def test_what_is_predicted_has_no_further_inputs():
     """Those of the search were missed in a test drive: that was a ProblemError of keys that nobody wrote."""
     judged = G(test_drive=(Leg(inputs=(1.0,), duration=2.0),), quantity="a")
     own = decaying(oed.Outputs(noise={"a": 0.1}), judged)
-    search = lifted(own)
+    search = lift(own)
     assert search.model.input_names == ("u", "share_of_duration")
     assert search.objective.rows == own.objective.rows
 
@@ -77,7 +77,7 @@ def test_an_earlier_design_is_no_start():
 def test_budget_of_time_is_spent_as_fast_as_time_passes(sensor: type, spent: float):
     # Information was multiplied by the pace, what it cost was not.
     problem = replace(decaying(sensor(noise={"a": 0.1})), selection=Selection(total=2.0))
-    search = lifted(problem)
+    search = lift(problem)
     (total,) = [limit for limit in search.limits if isinstance(limit, EffortTotal)]
     rows = {}
     for pace in (1.0, 0.5):

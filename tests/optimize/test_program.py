@@ -18,7 +18,7 @@ from oed.optimize.local import LocalSearch
 from oed.optimize.terms.instants import LINEAR_WEIGHT
 from oed.optimize.transcription import program
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.program import Outcome, Program
+from oed.optimize.transcription.program import IpoptOutcome, Program
 from oed.robots.limits import PathLength, Rectangle, WheelSpeed, YawRate
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
@@ -218,7 +218,7 @@ class TestGoingOn:
         assert all(again.succeeded for again, _ in both)
         assert sum(again.iterations for again, _ in both) < sum(alone.iterations for _, alone in both)
 
-    def _solved(self, search: LocalSearch, seed: int = 4) -> list[Outcome]:
+    def _solved(self, search: LocalSearch, seed: int = 4) -> list[IpoptOutcome]:
         """Solves with more instants from the end of one with few: with its multipliers, and without."""
         begin, nothing = random_unknowns(search.design, seed, 0.1), search.grid.no_correction
         few, exchange = search.exchange.begun(), search.exchange

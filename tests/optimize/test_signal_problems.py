@@ -31,7 +31,7 @@ from oed.optimize.condensed.terms import Condensed
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.chain import Frame
-from oed.optimize.transcription.coarse import FineGrid, Grid
+from oed.optimize.transcription.coarse import FineGrid, SearchGrid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import perturbed, random_drives, start_bounds
 from oed.robots.space import DesignSpace
@@ -372,7 +372,7 @@ def test_a_coarse_grid_knows_chosen_starts():
     spline = oed.Spline(degree=3, coefficients=6)
     parts = {"signals": (), "spline": spline, "rest_to_rest": False, "runs": 2}
     problem = problem_of(samples=96, **parts)
-    grid = Grid(problem, 24)
+    grid = SearchGrid(problem, 24)
     assert grid.coarse
     fine = FineGrid(problem, grid.design)
     (z,) = random_drives(grid.design, np.array([0.5]), np.random.default_rng(0))
@@ -380,7 +380,7 @@ def test_a_coarse_grid_knows_chosen_starts():
     for place, step in enumerate(1e-5 * np.eye(len(z))):
         high, low = (fine.entries(grid.trajectory(z + sign * step)) for sign in (1, -1))
         np.testing.assert_allclose(slopes[:, place], (high - low) / 2e-5, rtol=1e-6, atol=1e-6)
-    assert not Grid(problem_of(samples=96), 24).coarse
+    assert not SearchGrid(problem_of(samples=96), 24).coarse
 
 
 @pytest.mark.slow

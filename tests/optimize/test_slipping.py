@@ -18,7 +18,7 @@ from oed.kernel.scorer import score
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.genetic import FINEST, MOST_TIGHTENED, Candidates, Generations, excess_between
 from oed.optimize.solver import Context
-from oed.optimize.transcription.coarse import Grid
+from oed.optimize.transcription.coarse import SearchGrid
 from oed.robots.limits import BodySpeed, EndPosition, Obstacles, Rectangle, WheelSpeed
 from oed.robots.sensors import Poses
 from oed.uncertainty.robust import Robust
@@ -163,16 +163,16 @@ def test_a_search_looks_at_no_more_points_than_the_most(monkeypatch: pytest.Monk
     """Those of a robust problem begin with one a sample."""
     points = []
 
-    def watched(problem: Problem, refine: int) -> Grid:
+    def watched(problem: Problem, refine: int) -> SearchGrid:
         points.append(refine)
-        return Grid(problem, refine=refine)
+        return SearchGrid(problem, refine=refine)
 
     def slipping(problem: Problem, drive: Trajectory) -> Evaluation:
         evaluation = score(problem, drive)
         violated = tuple(replace(margin, margin=-margin.size) for margin in evaluation.margins)
         return replace(evaluation, margins=violated)
 
-    monkeypatch.setattr("oed.optimize.genetic.Grid", watched)
+    monkeypatch.setattr("oed.optimize.genetic.SearchGrid", watched)
     monkeypatch.setattr("oed.optimize.genetic.score", slipping)
     problem = problem_of(
         samples=8,

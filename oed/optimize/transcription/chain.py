@@ -183,7 +183,7 @@ class ChainRule:
         nominal, rows = self.functions.values(*self._arguments)
         self._entries = self._by_robot(nominal, lambda robots: robots.values)
         self._f = self._call(self._outer.target)
-        self._g = ca.vertcat(self._call(self._outer.conditions), self._framed(rows))
+        self._g = ca.vertcat(self._call(self._outer.conditions), self._frame_rows(rows))
         self.program = {"x": self._x, "p": self._p, "f": self._f, "g": self._g}
 
     @property
@@ -219,7 +219,7 @@ class ChainRule:
             for place, parameters, shift in self._design.off_nominal
         ]
 
-    def _framed(self, rows: Expression) -> Expression:
+    def _frame_rows(self, rows: Expression) -> Expression:
         framed = self._frame.choice @ rows
         if not self._frame.relaxing:
             return framed

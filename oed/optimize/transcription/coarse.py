@@ -28,7 +28,7 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 
 
-class Grid:
+class SearchGrid:
     """Samples that a search uses; their information is corrected to agree with that of all samples.
 
     Attributes:

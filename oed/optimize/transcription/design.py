@@ -106,7 +106,7 @@ class DesignExpressions:
 
     def matrices_of(self, unknowns: Array) -> list[list[Array]]:
         """Return the information matrices of every robot judged at z."""
-        return [[stack[0] for stack in matrices] for matrices in self._judged(unknowns[None, :])[0]]
+        return [[stack[0] for stack in matrices] for matrices in self._judge(unknowns[None, :])[0]]
 
     def objective(self, matrices: Sequence[Sequence[Array]]) -> Array:
         """Return the objective (...,) of the matrices (..., p, p) of every robot judged."""
@@ -121,7 +121,7 @@ class DesignExpressions:
         drawn = rng.uniform(low, high, (200, self.terms.size))
         coefficients = drawn[:, : self.terms.coefficient_count]
         coefficients[:] = self.terms.embedding.within(coefficients, self.ranges)
-        (first, *_), _ = self._judged(drawn)
+        (first, *_), _ = self._judge(drawn)
         smallest = np.min([SquareRoot.of_matrix(stack).smallest for stack in first], axis=0)
         means = [np.trace(stack, axis1=1, axis2=2) / stack.shape[1] for stack in first]
         typical = float(smallest.max())
@@ -145,10 +145,10 @@ class DesignExpressions:
             candidates: unknowns, (K, size).
             threads: threads that share the work on the nominal robot; they do not change the scores.
         """
-        matrices, excess = self._judged(candidates, threads)
+        matrices, excess = self._judge(candidates, threads)
         return self.objective(matrices), excess
 
-    def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
+    def _judge(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # Matrices (K, p, p) of every robot, and the excess over limits in shares of their size.
         count = len(candidates)
         nominal, excess = self.terms.scored(candidates, threads)
@@ -170,7 +170,7 @@ def _finite(robots: list[list[Array]], excess: Array) -> tuple[list[list[Array]]
 
 
 @dataclass(frozen=True)
-class Objective:
+class SmoothObjective:
     """Objective of a search, as a smooth program.
 
     Attributes:
@@ -189,7 +189,7 @@ class Objective:
     initial: Callable[[Sequence[Sequence[Array]]], Array]
 
 
-def objective_of(problem: Problem, robots: Sequence[Sequence[Expression]]) -> Objective:
+def smooth_objective(problem: Problem, robots: Sequence[Sequence[Expression]]) -> SmoothObjective:
     """Return the objective of a problem as a function of the matrices of every robot judged."""
     epigraphs = [problem.objective.epigraph(matrices) for matrices in robots]
     alone = len(epigraphs) == 1
@@ -204,7 +204,7 @@ def objective_of(problem: Problem, robots: Sequence[Sequence[Expression]]) -> Ob
         worst = [min(float(problem.objective.value(matrices)) for matrices in positive)] if positive else []
         return np.concatenate([worst, *first])
 
-    return Objective(
+    return SmoothObjective(
         maximised=ca.sum1(objectives) / len(epigraphs) if mean else level,
         variables=ca.vertcat(level, *(epigraph.variables for epigraph in epigraphs)),
         equalities=ca.vertcat(*(epigraph.equalities for epigraph in epigraphs)),

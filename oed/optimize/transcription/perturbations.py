@@ -48,7 +48,7 @@ def varied_design(design: DesignExpressions, unknowns: Array, rng: np.random.Gen
         size = ROUGHNESS
     else:
         # Local searches change the timing of a drive least.
-        moved[:count] = _warped(design, moved[:count], rng, together=kind == 2)
+        moved[:count] = _warp(design, moved[:count], rng, together=kind == 2)
         size = ROUGHNESS * float(rng.integers(2))
         moved[:count] += size * half * rng.standard_normal(count)
     moved[count:] += size * rng.standard_normal(len(moved) - count)
@@ -56,7 +56,7 @@ def varied_design(design: DesignExpressions, unknowns: Array, rng: np.random.Gen
     return np.clip(moved, *design.terms.own_bounds.T)
 
 
-def _warped(design: DesignExpressions, unknowns: Array, rng: np.random.Generator, *, together: bool) -> Array:
+def _warp(design: DesignExpressions, unknowns: Array, rng: np.random.Generator, *, together: bool) -> Array:
     # The unknowns of every input of every run are moved along its time by linear interpolation.
     embedding, warped = design.terms.embedding, np.array(unknowns)
     runs = design.problem.design.runs

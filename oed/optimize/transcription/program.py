@@ -21,7 +21,7 @@ from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 
 @dataclass(frozen=True)
-class Outcome:
+class IpoptOutcome:
     """Result of one call of Ipopt.
 
     Attributes:
@@ -172,7 +172,7 @@ class Program:
         self._relaxing, self._options = relaxing, options or {}
         self._with_slots: dict[int, _BuiltProgram] = {}
 
-    def _built(self, slots: int) -> _BuiltProgram:
+    def _build(self, slots: int) -> _BuiltProgram:
         if slots not in self._with_slots:
             frame = Frame(self.design.terms, relaxing=self._relaxing, slots=slots)
             chain = ChainRule(self.design, frame, *self._parts)
@@ -188,11 +188,11 @@ class Program:
         backoff: Array | None = None,
         auxiliary_lower: Array | None = None,
         auxiliary_upper: Array | None = None,
-        after: Outcome | None = None,
+        after: IpoptOutcome | None = None,
         barrier: float | None = None,
         tolerance: float | None = None,
         chosen: Chosen | None = None,
-    ) -> Outcome:
+    ) -> IpoptOutcome:
         """Solve from a start.
 
         A solve that continues an earlier one starts from its end and its multipliers; where these lead
@@ -211,7 +211,7 @@ class Program:
             chosen: rows of instants that hold in addition to all other rows.
         """
         slots = 0 if chosen is None else slots_for(len(chosen))
-        built = self._built(slots)
+        built = self._build(slots)
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = built.frame.bounds(shares, chosen)
         zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
@@ -226,7 +226,7 @@ class Program:
         }
         if chosen is not None:
             arguments["p"] = chosen.numbers(slots)
-        outcome = self._solved(built, arguments, after, barrier, tolerance)
+        outcome = self._solve_after(built, arguments, after, barrier, tolerance)
         if not outcome.succeeded or self._relaxing:
             # Multipliers mean nothing away from an optimum.
             return outcome
@@ -234,16 +234,16 @@ class Program:
         multipliers = np.concatenate([bounds[: len(low)], rows[self._equalities + self._floors :]])
         return replace(outcome, gains=built.frame.gains(shares, multipliers, chosen))
 
-    def _solved(
+    def _solve_after(
         self,
         built: _BuiltProgram,
         arguments: dict[str, Array],
-        after: Outcome | None,
+        after: IpoptOutcome | None,
         barrier: float | None,
         tolerance: float | None,
-    ) -> Outcome:
+    ) -> IpoptOutcome:
         if after is None:
-            return self._called(built.solver(barrier, tolerance), arguments)
+            return self._call(built.solver(barrier, tolerance), arguments)
         # Rows that were added since the earlier solve had no multipliers.
         rows = np.pad(after.row_multipliers, (0, len(arguments["lbg"]) - len(after.row_multipliers)))
         multipliers = {"lam_g0": rows, "lam_x0": after.bound_multipliers}
@@ -251,20 +251,20 @@ class Program:
         place = slice(self.design.terms.size, None)
         auxiliary = np.clip(after.auxiliary, arguments["lbx"][place], arguments["ubx"][place])
         start = np.concatenate([arguments["x0"][: place.start], auxiliary])
-        warm = self._called(built.warm(tolerance), {**arguments, "x0": start, **multipliers})
+        warm = self._call(built.warm(tolerance), {**arguments, "x0": start, **multipliers})
         if warm.return_status not in LED_NOWHERE:
             return warm
-        cold = self._called(built.solver(None, None), arguments)
+        cold = self._call(built.solver(None, None), arguments)
         iterations, evaluations = warm.iterations + cold.iterations, warm.evaluations + cold.evaluations
         return replace(cold, iterations=iterations, evaluations=evaluations)
 
-    def _called(self, solver: ca.Function, arguments: dict[str, Array]) -> Outcome:
+    def _call(self, solver: ca.Function, arguments: dict[str, Array]) -> IpoptOutcome:
         with interrupts_kept(), one_thread():
             result = solver(**arguments)
         stats = solver.stats()
         values = np.array(result["x"]).ravel()
         size = self.design.terms.size
-        return Outcome(
+        return IpoptOutcome(
             values[:size],
             values[size:],
             stats["return_status"],
