@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -207,26 +208,22 @@ def _trace_bounds(problem: Problem, generators: Sequence[Generator]) -> list[Bou
         return [bound for bounds in generators for bound in bounds(problem)]
     if not isinstance(space, DesignSpace):
         return []
-    starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
-    singles = [
-        replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
-        for start in starts
-    ]
-    unequal = len(set(starts)) > 1
-    # Bounds without a Z do not add up.
-    by_run = [
-        [bound for bounds in generators for bound in bounds(single) if bound.multiplier is not None]
-        for single in (singles if unequal else singles[:1])
-    ]
+    starts = Counter(space.start if isinstance(space.start, tuple) else (space.start,) * space.runs)
+    by_start = []
+    for start, count in starts.items():
+        design = space.model_copy(update={"runs": 1, "start": start})
+        single = replace(problem, robust=None, design=design)
+        run_bounds = [bound for bounds in generators for bound in bounds(single)]
+        # Bounds without a Z do not add up.
+        added = [bound for bound in run_bounds if bound.multiplier is not None]
+        by_start.append([replace(bound, value=count * bound.value) for bound in added])
     return [
-        Bound(
-            sum(bound.value for bound in matching) * (1 if unequal else space.runs),
-            matching[0].method,
-            (*matching[0].assumptions, "every run for itself"),
-            matching[0].multiplier,
-            matching[0].block,
+        replace(
+            matching[0],
+            value=sum(bound.value for bound in matching),
+            assumptions=(*matching[0].assumptions, "every run for itself"),
         )
-        for matching in zip(*by_run, strict=True)
+        for matching in zip(*by_start, strict=True)
     ]
 
 

@@ -47,10 +47,9 @@ class Target:
 
     def lowest(self, matrices: Sequence[Array]) -> tuple[float, Array, Array]:
         """Return the lowest bound for these matrices, its Z of trace 1, and the best mixture's shares."""
-        if self.criterion.conjugate == "linear":
-            least, point, shares = _lowest_plane([_plane(matrix) for matrix in matrices])
-            return least, _multiplier(point), shares
         stacked = np.stack(matrices)
+        if self.criterion.conjugate == "linear":
+            return _lowest_eigenvalue_bound(stacked)
         groups, totals = np.zeros(len(stacked), dtype=np.int64), np.ones(1)
         mixture = best_mixture(self.criterion, stacked, np.zeros((2, 2)), 2, groups, totals)
         if mixture is not None:
@@ -62,29 +61,23 @@ class Target:
         return -np.inf, multiplier / np.trace(multiplier), np.full(len(stacked), 1 / len(stacked))
 
 
-def _multiplier(point: Array) -> Array:
-    # Z = (I + point . Pauli matrices) / 2 for a point in the unit disc.
-    return np.array([[1 + point[0], point[1]], [point[1], 1 - point[0]]]) / 2
-
-
-def _plane(matrix: Array) -> tuple[float, Array]:
-    # tr(Z F) = offset + slope . point.
-    return float(np.trace(matrix)) / 2, np.array([(matrix[0, 0] - matrix[1, 1]) / 2, matrix[0, 1]])
-
-
-def _lowest_plane(planes: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
-    # Minimum over a polygon inside the disc of the largest plane, its point, and the planes' multipliers.
+def _lowest_eigenvalue_bound(matrices: Array) -> tuple[float, Array, Array]:
+    # Z = (I + point . Pauli matrices) / 2 for a point in the unit disc, over which tr(Z F) is a plane. A linear
+    # programme finds the lowest point of the planes' maximum over a polygon inside the disc; its multipliers
+    # are the planes' shares.
+    offsets = matrices.trace(axis1=1, axis2=2) / 2
+    slopes = np.stack([(matrices[:, 0, 0] - matrices[:, 1, 1]) / 2, matrices[:, 0, 1]], axis=1)
+    size = float(np.abs(offsets).max()) or 1.0
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(DIRECTIONS)], axis=1)
-    size = max(abs(offset) for offset, _ in planes) or 1.0
-    rows = [np.concatenate([slope / size, [-1.0]]) for _, slope in planes]
-    offsets = [-offset / size for offset, _ in planes]
+    planes = np.column_stack([slopes / size, np.full(len(matrices), -1.0)])
+    sides = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(DIRECTIONS)])
     solution = scipy.optimize.linprog(
         [0.0, 0.0, 1.0],
-        A_ub=np.vstack([rows, sides]),
-        b_ub=np.concatenate([offsets, np.full(DIRECTIONS, np.cos(np.pi / DIRECTIONS))]),
+        A_ub=np.vstack([planes, sides]),
+        b_ub=np.concatenate([-offsets / size, np.full(DIRECTIONS, np.cos(np.pi / DIRECTIONS))]),
         bounds=[(None, None)] * 3,
         method="highs",
     )
-    shares = -np.asarray(solution.ineqlin.marginals[: len(planes)])
-    return float(solution.x[2]) * size, np.asarray(solution.x[:2]), np.asarray(shares)
+    x, y, least = solution.x
+    shares = -np.asarray(solution.ineqlin.marginals[: len(matrices)])
+    return float(least) * size, np.array([[1 + x, y], [y, 1 - x]]) / 2, np.asarray(shares)
