@@ -55,5 +55,5 @@ def _iteration(search: LocalSearch) -> float:
     size = search.design.terms.size
     z = 0.25 * np.random.default_rng(0).uniform(-1, 1, size)
     began = time.process_time()
-    iterations = search.solved(search.program, z, search.grid.no_correction).iterations
+    iterations = search.solve(search.program, z, search.grid.no_correction).iterations
     return (time.process_time() - began) / max(iterations, 1)

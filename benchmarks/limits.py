@@ -67,5 +67,5 @@ def _building(problem: Problem) -> float:
     began = time.perf_counter()
     search = LocalSearch(problem, Ipopt(max_iterations=1))
     z = 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.terms.size)
-    search.solved(search.program, z, search.grid.no_correction)
+    search.solve(search.program, z, search.grid.no_correction)
     return time.perf_counter() - began

@@ -87,10 +87,10 @@ def _timed(problem: Problem, samples: int | None = None) -> Timed:
     search = _search(problem, ITERATIONS, samples)
     z = _start(search)
     program, nothing = search.program, search.grid.no_correction
-    chosen = search.exchange.chosen(search.exchange.begun(), search.grid.trajectory(z))
+    chosen = search.exchange.chosen_rows(search.exchange.first_instants(), search.grid.trajectory(z))
 
     def solve() -> int:
-        return search.solved(program, z, nothing, chosen=chosen).iterations
+        return search.solve(program, z, nothing, chosen=chosen).iterations
 
     solve()
     whole = time.perf_counter() - began

@@ -89,7 +89,7 @@ def _of(samples: int) -> Iterator[Figure]:
     problem = problem_of("segment", samples)
     search = LocalSearch(problem, Ipopt(max_iterations=MOST, search_samples=samples))
     starts = [start_of(search, seed) for seed in range(STARTS)]
-    known = search.exchange.begun()
+    known = search.exchange.first_instants()
     instants = np.rint(np.unique(known.time) / problem.design.period).astype(int)
     others = [Way(name, tuple(ends)) for name, ends in _others(problem, search, instants, starts)]
     plain = Way("without a compiler", tuple(_condensed(search, z) for z in starts))
@@ -114,10 +114,10 @@ def start_of(search: LocalSearch, seed: int) -> Array:
 
 def _condensed(search: LocalSearch, z: Array) -> End:
     exchange, nothing = search.exchange, search.grid.no_correction
-    chosen = exchange.chosen(exchange.begun(), search.grid.trajectory(z))
+    chosen = exchange.chosen_rows(exchange.first_instants(), search.grid.trajectory(z))
 
     def solve() -> tuple[float, bool, int]:
-        outcome = search.solved(search.program, z, nothing, chosen=chosen)
+        outcome = search.solve(search.program, z, nothing, chosen=chosen)
         return outcome.maximised, outcome.succeeded, outcome.iterations
 
     return _timed(solve)

@@ -96,9 +96,9 @@ def staged_and_condensed() -> tuple[Staged, ca.DM, float]:
     """The program of stages, where it starts, and the optimum of the condensed one."""
     problem = problem_of("segment", 40)
     search = LocalSearch(problem, Ipopt(max_iterations=transcriptions.MOST, search_samples=100))
-    z, known = transcriptions.start_of(search, 0), search.exchange.begun()
-    chosen = search.exchange.chosen(known, search.grid.trajectory(z))
-    condensed = search.solved(search.program, z, search.grid.no_correction, chosen=chosen)
+    z, known = transcriptions.start_of(search, 0), search.exchange.first_instants()
+    chosen = search.exchange.chosen_rows(known, search.grid.trajectory(z))
+    condensed = search.solve(search.program, z, search.grid.no_correction, chosen=chosen)
     instants = np.rint(np.unique(known.time) / problem.design.period).astype(int)
     staged = Staged(Stages(problem, instants, search.scale))
     # As many rows of the room as the condensed program has.

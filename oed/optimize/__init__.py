@@ -22,7 +22,7 @@ from oed.optimize.enough_steps import search_with_enough_steps
 from oed.optimize.genetic import Genetic
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.lifted import lift, lower
-from oed.optimize.refinement import ENDED, refined
+from oed.optimize.refinement import ENDED, search_with_refinement
 from oed.optimize.selection import with_readings
 from oed.optimize.solver import Context, Solver
 
@@ -96,7 +96,7 @@ def _search(options: Solver, problem: Problem, context: Context) -> Solution:
         _require_no_start(options)
         solution = lower(bare, search_with_assurance(options, together, context))
     elif bare.design.spline.refines:
-        solution = refined(options, bare, context, search_with_assurance)
+        solution = search_with_refinement(options, bare, context, search_with_assurance)
     else:
         solution = search_with_assurance(options, bare, context)
     return solution if problem.selection is None else with_readings(problem, solution)

@@ -69,7 +69,7 @@ class CandidateScorer:
             return self._share(candidates)
         began = time.perf_counter()
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
-        scores = self._design.measure_many(candidates, threads)
+        scores = self._design.score_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
         return scores
 
@@ -102,4 +102,4 @@ class _Batch:
 
 def _score_batch(part: _Batch) -> Scores:
     # Each process writes the terms once.
-    return DesignExpressions(part.problem, part.refine).measure_many(part.candidates)
+    return DesignExpressions(part.problem, part.refine).score_many(part.candidates)

@@ -70,9 +70,9 @@ def _smallest_relaxation(program: Program, starts: Sequence[Array], place: int) 
         )
 
     for start in starts:
-        outcome, _ = exchange.solved(solve, start, None, exchange.begun(), design.trajectory)
+        outcome, _ = exchange.solve(solve, start, None, exchange.first_instants(), design.trajectory)
         # Any point where all other limits hold is a witness, wherever Ipopt stopped.
-        _, violations = design.score_many(outcome.unknowns[None, :])
-        if np.delete(violations[0], place).max(initial=0.0) < NEGLIGIBLE:
-            return float(violations[0, place])
+        _, excess = design.score_many(outcome.unknowns[None, :])
+        if np.delete(excess[0], place).max(initial=0.0) < NEGLIGIBLE:
+            return float(excess[0, place])
     return None

@@ -13,7 +13,7 @@ from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.parts import Budget, Parts
-from oed.optimize.weights import Weights, best_weights, exceeds, exchanged_weights
+from oed.optimize.weights import Weights, best_weights, criterion_value, exceeds, exchanged_weights
 
 NODES = 200
 """Relaxations that are solved by default: some seconds."""
@@ -112,7 +112,7 @@ class _BranchAndBound:
             self.closed = max(self.closed, bound)
 
     def _keep(self, weights: Array) -> None:
-        value = float(self.criterion.judge([self.parts.root(weights)]))
+        value = criterion_value(self.criterion, self.parts, weights)
         if value > self.best.value:
             self.best = exchanged_weights(self.criterion, self.parts, weights, self.budgets)
 
@@ -136,7 +136,7 @@ class _BranchAndBound:
         taken = sorted(place for budget in budgets for place in budget.places)
         self.solved += 1
         if not taken:
-            return node.low, float(self.criterion.judge([self.parts.root(node.low)]))
+            return node.low, criterion_value(self.criterion, self.parts, node.low)
         readings = np.array(taken)
         number = {place: at for at, place in enumerate(taken)}
         budgets = [

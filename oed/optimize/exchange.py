@@ -68,7 +68,7 @@ class Exchange:
         self.needed = self._rows.count > 0
         self.fine = max(FINE, -(-TIMES // problem.design.samples))
 
-    def begun(self) -> Instants:
+    def first_instants(self) -> Instants:
         """Return the first instants of a search, evenly spread over each run."""
         rows = self._rows.count * self._problem.design.runs
         if not rows:
@@ -90,7 +90,7 @@ class Exchange:
         run = np.tile(np.repeat(np.arange(space.runs), count), rows)
         return Instants(row, run, np.tile(times, rows * space.runs))
 
-    def chosen(self, instants: Instants, drive: Trajectory) -> Chosen:
+    def chosen_rows(self, instants: Instants, drive: Trajectory) -> Chosen:
         """Return instants as rows of the search's program.
 
         On a grid of fewer samples a row has a different value than on all samples; its bounds are shifted by
@@ -126,9 +126,9 @@ class Exchange:
         unknown = place[every]
         return np.where(unknown < 0, 0.0, band.entries).T, np.maximum(unknown, 0).T
 
-    def solved(
+    def solve(
         self,
-        solve: Callable[[Array, IpoptOutcome | None, Chosen | None, bool], IpoptOutcome],
+        call: Callable[[Array, IpoptOutcome | None, Chosen | None, bool], IpoptOutcome],
         unknowns: Array,
         after: IpoptOutcome | None,
         instants: Instants,
@@ -138,7 +138,7 @@ class Exchange:
         """Solve with ever more instants until no limit is exceeded; return the outcome and these instants.
 
         Args:
-            solve: function that solves from unknowns, continues an earlier solve, with rows of instants, to a
+            call: function that solves from unknowns, continues an earlier solve, with rows of instants, to a
                 loose or to the full tolerance.
             unknowns: first values of z, (n,).
             after: earlier solve that the first one continues.
@@ -147,14 +147,14 @@ class Exchange:
             until: deadline by `time.time`, after which the outcome has the status of Ipopt's time limit.
         """
         if not self.needed:
-            return solve(unknowns, after, None, False), instants
+            return call(unknowns, after, None, False), instants
         # Solves need not be exact before all relevant instants are known.
         iterations, evaluations, loosely = 0, 0, after is None
         for remaining in reversed(range(EXCHANGES)):
             # The last solve is to full tolerance.
             loosely = loosely and remaining > 0
-            chosen = self.chosen(instants, trajectory(unknowns))
-            outcome = solve(unknowns, after, chosen, loosely)
+            chosen = self.chosen_rows(instants, trajectory(unknowns))
+            outcome = call(unknowns, after, chosen, loosely)
             iterations, evaluations = iterations + outcome.iterations, evaluations + outcome.evaluations
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             drive = trajectory(unknowns)
@@ -200,5 +200,5 @@ class Exchange:
         if not np.isfinite(drive.coefficients).all():
             return instants.some(np.zeros(len(instants), dtype=bool))
         fine = finer * self.fine
-        worst = self.lower_level.exceeded(drive, ENOUGH, fine)
+        worst = self.lower_level.peaks(drive, ENOUGH, fine)
         return worst.some(~worst.near(instants, drive.period / (2 * fine)))

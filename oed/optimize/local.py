@@ -122,7 +122,7 @@ class LocalSearch:
         """Return the first instants of a search or of a sketch."""
         if sketching and self._sketching is not None:
             return self._sketching.at_samples()
-        return self.exchange.begun()
+        return self.exchange.first_instants()
 
     def maximise(self, unknowns: Array, barrier: float | None = None) -> LocalResult:
         """Maximise the criterion from a start; the start is the result where it is better than the end.
@@ -170,17 +170,17 @@ class LocalSearch:
         instants, excess = self.first_instants(sketching=True), 0.0
         try:
             if exchange is None:
-                outcome, _ = self.exchanged(self.program, unknowns, nothing, instants, **options)
+                outcome, _ = self.solve_exchanging(self.program, unknowns, nothing, instants, **options)
             else:
-                chosen = exchange.chosen(instants, self.design.trajectory(unknowns))
-                outcome = self.solved(self.program, unknowns, nothing, chosen=chosen, **options)
+                chosen = exchange.chosen_rows(instants, self.design.trajectory(unknowns))
+                outcome = self.solve(self.program, unknowns, nothing, chosen=chosen, **options)
                 drive = self.design.trajectory(outcome.unknowns)
                 excess = float(exchange.lower_level.violations(instants, drive).max())
         except NotFinite:
             return LocalResult(unknowns, 1, time.perf_counter() - began, Status.FAILED)
-        _, violations = self.design.score_many(outcome.unknowns[None, :])
+        _, at_samples = self.design.score_many(outcome.unknowns[None, :])
         value = float(self.design.objective(self.grid.matrices_of(outcome.unknowns, nothing)))
-        satisfied = max(violations.max(initial=0.0), excess) <= TOLERANCE and np.isfinite(value)
+        satisfied = max(at_samples.max(initial=0.0), excess) <= TOLERANCE and np.isfinite(value)
         return LocalResult(
             outcome.unknowns,
             max(outcome.iterations, 1),
@@ -237,7 +237,9 @@ class LocalSearch:
         after: IpoptOutcome | None = None
         for _ in range(ROUNDS):
             options: dict[str, Any] = {"floors": floors, "backoff": backoff, "barrier": barrier}
-            outcome, instants = self.exchanged(program, unknowns, corrections, instants, after, **options)
+            outcome, instants = self.solve_exchanging(
+                program, unknowns, corrections, instants, after, **options
+            )
             # Limits and corrections change little from round to round: each continues the one before.
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             drive = self.grid.trajectory(unknowns)
@@ -261,7 +263,7 @@ class LocalSearch:
                 return
             corrections = self.grid.correction(unknowns)
 
-    def exchanged(
+    def solve_exchanging(
         self,
         program: Program,
         unknowns: Array,
@@ -287,11 +289,11 @@ class LocalSearch:
         ) -> IpoptOutcome:
             enough = max(tolerance or 0.0, LOOSE) if loosely else tolerance
             further = {"after": before, "chosen": chosen, "tolerance": enough}
-            return self.solved(program, begin, corrections, **further, **options)
+            return self.solve(program, begin, corrections, **further, **options)
 
-        return self.exchange.solved(solve, unknowns, after, instants, self.grid.trajectory, self.deadline)
+        return self.exchange.solve(solve, unknowns, after, instants, self.grid.trajectory, self.deadline)
 
-    def solved(self, program: Program, unknowns: Array, corrections: Array, **options: Any) -> IpoptOutcome:
+    def solve(self, program: Program, unknowns: Array, corrections: Array, **options: Any) -> IpoptOutcome:
         """Call Ipopt once from a start, with the grid's corrections.
 
         Args:

@@ -66,7 +66,7 @@ class LowerLevel:
         """Store the rows of the terms."""
         self._problem, self._rows, self._scale = problem, terms.instants, terms.input_scale
 
-    def exceeded(self, drive: Trajectory, share: float, fine: int) -> Instants:
+    def peaks(self, drive: Trajectory, share: float, fine: int) -> Instants:
         """Return the instants of all peaks of a drive's excess over each row.
 
         Args:

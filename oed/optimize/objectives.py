@@ -143,9 +143,7 @@ class Variance(WeightObjective):
 
     def gradient(self, point: Projection, dual: Array) -> Array:
         """Return S^-1 C S^-1."""
-        root = _inverse_root(point.information)
-        rows = self.predictions @ root.T @ root
-        return np.asarray(rows.T @ rows)
+        return _variance_gradient(point.information, self.predictions)
 
     def value(self, point: Projection, level: float, barrier: float) -> float:
         """Return minus the variance."""
@@ -239,9 +237,7 @@ class LargestVariance(WeightObjective):
 
     def gradient(self, point: Projection, dual: Array) -> Array:
         """Return S^-1 C S^-1 for the mixture C."""
-        root = _inverse_root(point.information)
-        rows = _stacked(dual, self.predictions) @ root.T @ root
-        return np.asarray(rows.T @ rows)
+        return _variance_gradient(point.information, _stacked(dual, self.predictions))
 
     def value(self, point: Projection, level: float, barrier: float) -> float:
         """Return the objective."""
@@ -294,6 +290,12 @@ def _stacked(shares: Array, predictions: Sequence[Array]) -> Array:
 def _variances(information: Array, predictions: Sequence[Array]) -> Array:
     root = _inverse_root(information)
     return np.array([np.sum((rows @ root.T) ** 2) for rows in predictions])
+
+
+def _variance_gradient(information: Array, predictions: Array) -> Array:
+    root = _inverse_root(information)
+    rows = predictions @ root.T @ root
+    return np.asarray(rows.T @ rows)
 
 
 def _log_determinant(matrix: Array) -> float:

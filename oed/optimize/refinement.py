@@ -61,7 +61,9 @@ def on_spline(problem: Problem, spline: Spline) -> Problem:
     return replace(problem, design=problem.design.with_spline(spline))
 
 
-def refined(options: Solver, problem: Problem, context: Context, search: SearchFunction) -> Solution:
+def search_with_refinement(
+    options: Solver, problem: Problem, context: Context, search: SearchFunction
+) -> Solution:
     """Return the best design of a problem whose spline is refined, with all levels of refinement.
 
     Args:

@@ -150,7 +150,7 @@ def _restrict(budget: Budget, allowed: Bools) -> Budget:
     return replace(budget, tops=tuple(tops.tolist()), total=total) if total > 0 else budget
 
 
-def rated(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
+def rate_trajectory(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
     """Return a trajectory that was not searched for, scored with the readings that are best for it.
 
     Args:

@@ -234,12 +234,12 @@ def exchanged_weights(
         budgets: budgets of all readings.
     """
     chosen = weights
-    value, better = _value(criterion, parts, chosen), True
+    value, better = criterion_value(criterion, parts, chosen), True
     while better:
         better = False
         for dropped, substitutes in _exchanges(chosen, budgets):
             trials = [_exchanged(chosen, dropped, taken) for taken in substitutes]
-            values = [_value(criterion, parts, trial) for trial in trials]
+            values = [criterion_value(criterion, parts, trial) for trial in trials]
             if values and exceeds(max(values), value, SLIGHT):
                 chosen, value, better = trials[int(np.argmax(values))], max(values), True
                 break
@@ -291,8 +291,15 @@ def _weights(criterion: Criterion, parts: Parts, weights: Array, dual: Array | N
         with suppress(np.linalg.LinAlgError):
             gradient = criterion.supergradient(parts.information(weights), dual)
     assert gradient is not None
-    return Weights(weights, _value(criterion, parts, weights), gradient)
+    return Weights(weights, criterion_value(criterion, parts, weights), gradient)
 
 
-def _value(criterion: Criterion, parts: Parts, weights: Array) -> float:
+def criterion_value(criterion: Criterion, parts: Parts, weights: Array) -> float:
+    """Return the criterion at weights of readings.
+
+    Args:
+        criterion: criterion of one block.
+        parts: information of the readings.
+        weights: weights of the readings, (n,).
+    """
     return float(criterion.judge([parts.root(weights)]))

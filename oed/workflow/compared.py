@@ -9,7 +9,7 @@ from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, unscored
-from oed.optimize.selection import rated, with_readings
+from oed.optimize.selection import rate_trajectory, with_readings
 from oed.robots.baselines import baselines
 from oed.study.study import PathFile, RobotStudyFile, Study
 from oed.workflow.studies import Work
@@ -61,6 +61,6 @@ def _driven(one: Solution) -> bool:
 def _scored_path(problem: Problem, path: Trajectory, name: str) -> Solution:
     # What cannot be scored must not take with it what has been found.
     try:
-        return rated(problem, path, name)
+        return rate_trajectory(problem, path, name)
     except NotFinite as error:
         return unscored(name, "path", f"{error}.")

@@ -18,7 +18,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution
 from oed.logs import Finding, Log, read_logs
 from oed.logs.form import is_bag
-from oed.optimize.selection import rated
+from oed.optimize.selection import rate_trajectory
 from oed.records.outcomes import parameter_table, result_of
 from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
@@ -146,7 +146,9 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     alike = trajectory.samples == study.problem.design.all_samples
     record = _record_of(study, designs) if alike else None
     best, proved = _known(record)
-    (solution,) = tried(Work(study, study.seed), [rated(study.problem, trajectory, Path(file).stem)])
+    (solution,) = tried(
+        Work(study, study.seed), [rate_trajectory(study.problem, trajectory, Path(file).stem)]
+    )
     worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
     robots = robustness(study, [solution], study.seed)
     leaving = departures_on(study, [solution], None, study.seed)
@@ -195,7 +197,7 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
         (own, *part) for log in logs for own in [_as_long(study, log)] for part in driven_parts(own, log)
     ]
     worth = tuple(
-        _worth(own, rated(own.problem, trajectory, name), seconds, known, proved)
+        _worth(own, rate_trajectory(own.problem, trajectory, name), seconds, known, proved)
         for own, name, trajectory, seconds in parts
     )
     findings = tuple((log.name, one) for log in logs for one in log.findings)

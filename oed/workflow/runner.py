@@ -20,7 +20,7 @@ from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Progress, Silent, Workers, solve
-from oed.optimize.selection import rated
+from oed.optimize.selection import rate_trajectory
 from oed.records.outcomes import (
     nuisance_table,
     parameter_table,
@@ -398,7 +398,7 @@ def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Soluti
     # The speeds that the bound's own search ended with are a candidate like any other.
     if certificate is None or certificate.drive is None:
         return []
-    return [replace(rated(study.problem, certificate.drive, LATTICE), kind=LATTICE)]
+    return [replace(rate_trajectory(study.problem, certificate.drive, LATTICE), kind=LATTICE)]
 
 
 def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:

@@ -195,7 +195,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
     scored = CandidateScorer(design, 2, 3, expected=30)
     for _ in range(2):
         values, excess = scored.score(candidates)
-        expected = design.measure_many(candidates)
+        expected = design.score_many(candidates)
         np.testing.assert_array_equal(values, expected[0])
         np.testing.assert_array_equal(excess, expected[1])
     # The first time here, which also tells how long it takes.

@@ -12,7 +12,7 @@ import oed
 from oed.foundation.errors import ProblemError
 from oed.kernel.reading_parts import parts_of
 from oed.kernel.selection import Selection
-from oed.optimize.selection import rated, select
+from oed.optimize.selection import rate_trajectory, select
 from oed.robots.limits import EndPosition
 from oed.workflow.readings import selection_of
 
@@ -55,7 +55,7 @@ class TestWeights:
         drive = driven(problem)
         every = oed.evaluate(problem, drive)
         assert every.violations["weights"] == pytest.approx(31)
-        chosen = rated(problem, drive, "mine")
+        chosen = rate_trajectory(problem, drive, "mine")
         assert "weights" not in chosen.evaluation.violations
         assert chosen.trajectory.weights.sum() == 20
         # Whoever asks again, as every saved record does, waits no more; weights are of no matter.
@@ -125,7 +125,7 @@ def test_of_three_drives_each_is_repeated_as_often_as_is_best():
 def test_what_is_not_read_is_not_simulated_either():
     """The predicted covariance is that of the twenty readings, and their estimates scatter so."""
     problem = FEW.problem
-    chosen = rated(problem, driven(problem), "mine")
+    chosen = rate_trajectory(problem, driven(problem), "mine")
     validation = oed.validate(problem, chosen.trajectory, replicates=100, seed=0)
     np.testing.assert_allclose(
         np.sqrt(np.diag(validation.predicted)),
@@ -165,7 +165,7 @@ def test_of_a_search_that_finds_no_drive_no_readings_are_chosen():
 def test_no_choice_is_best_of_readings_that_leave_parameters_undetermined():
     problem = oed.parse_study(UNDETERMINED, "two_ways.yaml").problem
     assert select(problem, problem.design.only) is None
-    chosen = rated(problem, problem.design.only, "mine")
+    chosen = rate_trajectory(problem, problem.design.only, "mine")
     assert chosen.trajectory.weights == pytest.approx(np.full(31, 20 / 31))
     assert chosen.evaluation.objective == -np.inf
     assert oed.bound(problem).upper_bound == np.inf

@@ -20,4 +20,6 @@ def numbers_of(terms: Terms, rng: np.random.Generator, slots: int = SLOTS) -> np
     instants = Instants(rows, runs, rng.uniform(0, space.duration, slots - 2))
     drive = terms.embedding.table(np.zeros(terms.coefficient_count))
     starts = np.zeros((space.runs, len(terms.problem.system.states)))
-    return Exchange(terms.problem, terms).chosen(instants, space.trajectory(drive, starts)).numbers(slots)
+    return (
+        Exchange(terms.problem, terms).chosen_rows(instants, space.trajectory(drive, starts)).numbers(slots)
+    )

@@ -94,7 +94,7 @@ def ending(points: list[Any]) -> Any:
         nothing = np.zeros(0)
         gains = np.zeros(len(self.problem.limits))
         found = IpoptOutcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing, 1.0, gains)
-        return found, self.exchange.begun()
+        return found, self.exchange.first_instants()
 
     return exchanged
 
@@ -115,7 +115,7 @@ def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPa
     problem = small()
     search, poor, good, outside = drives(problem)
     # Rounds go on while the limits are exceeded: the feasible end is met in the middle on a misled grid.
-    monkeypatch.setattr(LocalSearch, "exchanged", ending([good, poor, outside]))
+    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([good, poor, outside]))
     monkeypatch.setattr(LocalSearch, "_is_misled", lambda *_: True)
     found = search.maximise(0.01 * poor)
     np.testing.assert_array_equal(found.unknowns, good)
@@ -128,12 +128,12 @@ def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPa
 def test_a_start_that_is_better_than_every_end_is_returned(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
     for end in (poor, outside):
-        monkeypatch.setattr(LocalSearch, "exchanged", ending([end]))
+        monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([end]))
         found = search.maximise(good)
         np.testing.assert_array_equal(found.unknowns, good)
         assert found.status is Status.UNIMPROVED
         assert found.evaluation.feasible
-    monkeypatch.setattr(LocalSearch, "exchanged", ending([good]))
+    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([good]))
     assert search.maximise(poor).status is Status.CONVERGED
 
 
@@ -147,14 +147,14 @@ def test_what_information_squared_takes_for_nothing_counts_too(monkeypatch: pyte
     scores = [evaluate(problem, search.grid.trajectory(one)).objective for one in (poor, good)]
     matrices = search.grid.matrices_of(good, search.grid.no_correction)
     assert search.design.objective(matrices) == 0 < scores[0] < scores[1]
-    monkeypatch.setattr(LocalSearch, "exchanged", ending([poor]))
+    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([poor]))
     np.testing.assert_array_equal(search.maximise(good).unknowns, good)
 
 
 @pytest.mark.slow
 def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
     search, _, _, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
+    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([outside]))
     found = search.maximise(np.zeros(search.design.terms.size))
     assert (found.evaluation, found.status) == (None, Status.FAILED)
 
@@ -163,7 +163,7 @@ def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
 def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatch: pytest.MonkeyPatch):
     problem = small()
     _, _, _, outside = drives(problem)
-    monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
+    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([outside]))
     # No start is feasible: all are as far outside.
     monkeypatch.setattr("oed.optimize.search.starting_points", lambda *_: [outside] * QUICK.starts)
     solution = solve(problem, QUICK, seed=0, workers=1)
@@ -210,7 +210,7 @@ def refusing(drives: list[Any], search: LocalSearch) -> Any:
 
 def test_a_feasible_start_of_a_search_that_ends_not_finite_is_returned(monkeypatch: pytest.MonkeyPatch):
     search, poor, _, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
+    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([outside]))
     monkeypatch.setattr(local, "score", refusing([outside], search))
     found = search.maximise(poor)
     np.testing.assert_array_equal(found.unknowns, poor)
@@ -229,7 +229,7 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
         (search.maximise, "program"),
         (lambda one: search.second_stage(one, 0.9), "second"),
     ):
-        monkeypatch.setattr(LocalSearch, "exchanged", ending([good, outside]))
+        monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([good, outside]))
         found = search_from(poor)
         np.testing.assert_array_equal(found.unknowns, good, err_msg=stage)
         assert (found.status, found.reason) == (Status.ACCEPTABLE, "")
@@ -237,7 +237,7 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
 
 def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "exchanged", ending([good, outside]))
+    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([good, outside]))
     monkeypatch.setattr(LocalSearch, "_is_misled", lambda *_: True)
     monkeypatch.setattr(LocalSearch, "_at_points", property(lambda own: np.full(2, own is search)))
     monkeypatch.setattr(local, "score", refusing([outside], search))
@@ -298,7 +298,7 @@ def test_a_start_that_fewer_samples_see_as_worth_less_is_scored():
 def test_tightening_leaves_something_between_two_bounds():
     problem = problem_of(limits=(SPEED, BOX))
     search = LocalSearch(problem, SETTINGS)
-    outcome = search.solved(
+    outcome = search.solve(
         search.program,
         np.full(search.design.terms.size, 0.1),
         search.grid.no_correction,

@@ -75,7 +75,7 @@ def rolled(
 @pytest.mark.slow
 def test_what_is_exceeded_is_the_worst_of_every_stretch(problem: Problem, exchange: Exchange):
     drive = fast(problem)
-    found = exchange.lower_level.exceeded(drive, ENOUGH, FINE)
+    found = exchange.lower_level.peaks(drive, ENOUGH, FINE)
     steps = FINE * drive.samples
     times = drive.duration * np.arange(1, steps + 1) / steps
     rows = all_rows(problem, drive, times)
@@ -94,7 +94,7 @@ def test_what_is_exceeded_is_the_worst_of_every_stretch(problem: Problem, exchan
 
 def test_the_vertex_between_the_times_looked_at_is_found(problem: Problem, exchange: Exchange):
     drive = fast(problem)
-    coarse, fine = (exchange.lower_level.exceeded(drive, 0.05, times) for times in (10, 1000))
+    coarse, fine = (exchange.lower_level.peaks(drive, 0.05, times) for times in (10, 1000))
     inside = coarse.some((coarse.row < 2) & (coarse.time < drive.duration))
     assert len(inside)
     for row, time in zip(inside.row, inside.time, strict=True):
@@ -102,7 +102,7 @@ def test_the_vertex_between_the_times_looked_at_is_found(problem: Problem, excha
 
 
 def test_those_that_a_drive_stays_away_from_give_way(problem: Problem, exchange: Exchange):
-    begun, drive = exchange.begun(), fast(problem)
+    begun, drive = exchange.first_instants(), fast(problem)
     room = -len(begun) % SLOTS
     times = np.linspace(0.01, 0.99, room + 5) * drive.duration
     more = Instants(np.zeros(len(times), dtype=int), np.zeros(len(times), dtype=int), times)
@@ -119,7 +119,7 @@ def test_those_that_a_drive_stays_away_from_give_way(problem: Problem, exchange:
 
 def test_nothing_gives_way_to_what_is_as_close(problem: Problem, exchange: Exchange):
     drive = fast(problem)
-    close = exchange.lower_level.exceeded(drive, -IDLE / 2, FINE)
+    close = exchange.lower_level.peaks(drive, -IDLE / 2, FINE)
     several = Instants(*(np.tile(one, SLOTS) for one in (close.row, close.run, close.time)))
     assert len(exchange.with_more(several, close, drive)) == len(several) + len(close)
 
@@ -129,8 +129,8 @@ def test_on_fewer_samples_bounds_are_moved_by_what_rows_differ(problem: Problem)
     assert grid.coarse
     exchange, drive = Exchange(problem, grid.design.terms), fast(problem)
     own = Exchange(grid.design.problem, grid.design.terms)
-    instants = exchange.begun()
-    chosen, unmoved = (one.chosen(instants, drive) for one in (exchange, own))
+    instants = exchange.first_instants()
+    chosen, unmoved = (one.chosen_rows(instants, drive) for one in (exchange, own))
     coarse = replace(drive, samples=grid.design.problem.design.samples)
     apart = own.lower_level.at(coarse, instants) - exchange.lower_level.at(drive, instants)
     assert np.abs(apart).max() > 1e-3
@@ -149,7 +149,7 @@ def passes(problem: Problem, exchange: Exchange, **given) -> tuple[list[bool], I
         )
 
     drive = fast(problem)
-    outcome, _ = exchange.solved(solve, np.zeros(4), None, exchange.begun(), lambda _: drive, **given)
+    outcome, _ = exchange.solve(solve, np.zeros(4), None, exchange.first_instants(), lambda _: drive, **given)
     return loose, outcome
 
 

@@ -85,7 +85,7 @@ def begun(problem: Problem) -> tuple[LocalSearch, Array]:
 def require_gained(problem: Problem, wider: Problem, name: str, step: float, rel: float = 0.02) -> float:
     """That a search says what the best drive near its end gains in a wider problem; returns that share."""
     search, unknowns = begun(problem)
-    found, instants = search.exchanged(
+    found, instants = search.solve_exchanging(
         search.program, unknowns, search.grid.correction(unknowns), search.first_instants()
     )
     gains = search.gains(found)
@@ -93,7 +93,7 @@ def require_gained(problem: Problem, wider: Problem, name: str, step: float, rel
     drive = search.grid.trajectory(found.unknowns)
     other = LocalSearch(wider, SETTINGS)
     begin = other.design.unknowns_of(drive)
-    larger, _ = other.exchanged(other.program, begin, other.grid.correction(begin), instants, found)
+    larger, _ = other.solve_exchanging(other.program, begin, other.grid.correction(begin), instants, found)
     before, after = (
         evaluate(problem, one).objective for one in (drive, other.grid.trajectory(larger.unknowns))
     )
@@ -137,7 +137,7 @@ def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
     assert fewer.grid.coarse
     # Close to where the first search ended.
     both = [
-        one.exchanged(
+        one.solve_exchanging(
             one.program, unknowns, one.grid.correction(unknowns), one.first_instants(), barrier=1e-3
         )[0]
         for one in (search, fewer)

@@ -98,13 +98,13 @@ class TestOptions:
 
 class TestEnd:
     def test_by_generations_each_scored_at_once(self, monkeypatch: pytest.MonkeyPatch):
-        calls, measure_many = [], DesignExpressions.measure_many
+        calls, score_many = [], DesignExpressions.score_many
 
         def counted(self, candidates, *more):
             calls.append(len(candidates))
-            return measure_many(self, candidates, *more)
+            return score_many(self, candidates, *more)
 
-        monkeypatch.setattr(DesignExpressions, "measure_many", counted)
+        monkeypatch.setattr(DesignExpressions, "score_many", counted)
         listener = Listener()
         solution = solve(PROBLEM, TINY, seed=0, workers=1, progress=listener)
         assert len(calls) == listener.steps == listener.total == TINY.generations
@@ -275,5 +275,5 @@ def test_generated_c_changes_no_design(monkeypatch, tmp_path):
 def test_threads_change_no_score():
     design = DesignExpressions(PROBLEM, 2)
     drives = np.random.default_rng(0).uniform(-0.3, 0.3, (7, design.terms.size))
-    for alone, shared in zip(design.measure_many(drives), design.measure_many(drives, 3), strict=True):
+    for alone, shared in zip(design.score_many(drives), design.score_many(drives, 3), strict=True):
         assert np.array_equal(alone, shared)

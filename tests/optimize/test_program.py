@@ -87,7 +87,8 @@ def test_the_program_says_what_evaluate_says(overrides, share: float):
     design = make_design(overrides)
     point = random_unknowns(design, 2, share)
     evaluation = evaluate(design.problem, design.trajectory(point))
-    _, violations = design.score_many(point[None, :])
+    _, excess = design.score_many(point[None, :])
+    violations = np.maximum(0.0, excess)
     for matrix, name in zip(design.matrices_of(point)[0], evaluation.information, strict=True):
         np.testing.assert_allclose(matrix, evaluation.information[name], rtol=1e-10, atol=1e-10)
     # Coefficients bound the curve, so speeds count for more here; positions are seen at the samples only.
@@ -121,7 +122,7 @@ def test_unknowns_of_another_spline_are_refused():
 def test_many_candidates_score_as_each_does(overrides):
     design = make_design(overrides)
     candidates = np.array([random_unknowns(design, seed) for seed in range(5)])
-    values, excess = design.measure_many(candidates)
+    values, excess = design.score_many(candidates)
     for candidate, value, beyond in zip(candidates, values, excess, strict=True):
         _, single = design.terms.scored(candidate[None])
         expected = design.problem.criterion.value(design.matrices_of(candidate)[0])
@@ -184,8 +185,8 @@ class TestProgram:
         program, reached = self.program(limits=(SPEED, BOX))
         terms, start = program.design.terms, np.full(program.design.terms.size, 0.1)
         exchange = Exchange(program.design.problem, terms)
-        begun = exchange.begun()
-        chosen = exchange.chosen(begun, program.design.trajectory(start))
+        begun = exchange.first_instants()
+        chosen = exchange.chosen_rows(begun, program.design.trajectory(start))
         none = np.full(len(chosen), np.inf)
         free = program.solve(start, np.zeros(0), chosen=replace(chosen, lower=-none, upper=none))
         outcome = program.solve(start, np.zeros(0), chosen=chosen)
@@ -221,15 +222,15 @@ class TestGoingOn:
     def _solved(self, search: LocalSearch, seed: int = 4) -> list[IpoptOutcome]:
         """Solves with more instants from the end of one with few: with its multipliers, and without."""
         begin, nothing = random_unknowns(search.design, seed, 0.1), search.grid.no_correction
-        few, exchange = search.exchange.begun(), search.exchange
+        few, exchange = search.exchange.first_instants(), search.exchange
         few = few.some(few.time == search.problem.design.duration)
-        chosen = exchange.chosen(few, search.grid.trajectory(begin))
-        first = search.solved(search.program, begin, nothing, chosen=chosen)
+        chosen = exchange.chosen_rows(few, search.grid.trajectory(begin))
+        first = search.solve(search.program, begin, nothing, chosen=chosen)
         drive = search.grid.trajectory(first.unknowns)
         more = few.joined(exchange.more(few, drive))
         assert len(more) > len(few)
-        chosen = exchange.chosen(more, drive)
+        chosen = exchange.chosen_rows(more, drive)
         return [
-            search.solved(search.program, first.unknowns, nothing, after=way, chosen=chosen)
+            search.solve(search.program, first.unknowns, nothing, after=way, chosen=chosen)
             for way in (first, None)
         ]

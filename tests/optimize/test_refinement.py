@@ -15,7 +15,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.refinement import ENOUGH, finer_splines, on_spline, plan, refined
+from oed.optimize.refinement import ENOUGH, finer_splines, on_spline, plan, search_with_refinement
 from oed.optimize.solver import Context, earlier_design
 from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.sensors import Displacements
@@ -180,7 +180,7 @@ def test_a_search_out_of_time_keeps_the_levels_that_it_has():
 def after_first(found: Solution, other: Solution) -> Solution:
     # What is made of a search whose further solves end so.
     answers = iter([replace(found, trajectory=found.levels[0].trajectory, levels=()), other])
-    return refined(QUICK, problem(), Context(workers=1), lambda *_: next(answers))
+    return search_with_refinement(QUICK, problem(), Context(workers=1), lambda *_: next(answers))
 
 
 def test_a_search_that_ends_while_it_refines_keeps_the_levels_before(found):
@@ -198,7 +198,7 @@ def test_a_search_that_was_interrupted_on_the_first_spline_goes_on_no_finer(foun
         return replace(alone, status=Status.INTERRUPTED)
 
     assert found.problem.design.spline.first == alone.problem.design.spline
-    ended = refined(QUICK, found.problem, Context(0), first_only)
+    ended = search_with_refinement(QUICK, found.problem, Context(0), first_only)
     assert ended.status is Status.INTERRUPTED
     assert [one.coefficients for one in ended.levels] == [found.levels[0].coefficients]
     assert ended.detail.endswith("were searched; the search ended before it was refined.")
@@ -233,7 +233,7 @@ def test_a_finer_level_begins_with_limits_as_tight_as_they_had_to_be(found):
         given.append(problem.robust)
         return replace(found, trajectory=found.levels[0].trajectory, robust=tighter, levels=())
 
-    refined(QUICK, asked, Context(workers=1), search)
+    search_with_refinement(QUICK, asked, Context(workers=1), search)
     assert given == [asked.robust, tighter]
 
 

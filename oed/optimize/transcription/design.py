@@ -127,19 +127,11 @@ class DesignExpressions:
         typical = float(smallest.max())
         return typical if typical > 0 else float(np.max(means)) or 1.0
 
-    def score_many(self, candidates: Array) -> tuple[Array, Array]:
-        """Return the criterion (K,) and the relative violations (K, limits) of candidates (K, size).
-
-        They serve to rank candidates only: limits are checked at the samples, `evaluate` checks them between
-        samples too.
-        """
-        values, excess = self.measure_many(candidates)
-        return values, np.maximum(0.0, excess)
-
-    def measure_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
+    def score_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
         """Return the criterion (K,) of candidates, and their excess over each limit (K, limits).
 
-        The excess is a share of the limit's size at the points that are checked, negative within the limit.
+        The excess is a share of the limit's size at the checked points, negative within the limit. It serves
+        to rank candidates only: `evaluate` checks limits between the points, too.
 
         Args:
             candidates: unknowns, (K, size).

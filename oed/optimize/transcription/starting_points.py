@@ -104,7 +104,8 @@ class Screening:
 def screen(design: DesignExpressions, rng: np.random.Generator) -> Screening:
     """Return random drives of all sizes, simulated and scored."""
     candidates = random_drives(design, rng.uniform(0.05, 1.0, SCREENED), rng)
-    return Screening(candidates, *design.score_many(candidates))
+    values, excess = design.score_many(candidates)
+    return Screening(candidates, values, np.maximum(0.0, excess))
 
 
 def starting_points(
