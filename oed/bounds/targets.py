@@ -62,9 +62,9 @@ class Target:
 
 
 def _lowest_eigenvalue_bound(matrices: Array) -> tuple[float, Array, Array]:
-    # Z = (I + point . Pauli matrices) / 2 for a point in the unit disc, over which tr(Z F) is a plane. A linear
-    # programme finds the lowest point of the planes' maximum over a polygon inside the disc; its multipliers
-    # are the planes' shares.
+    # Z = (I + point . Pauli matrices) / 2 for a point in the unit disc, over which tr(Z F) is a plane. A
+    # linear programme finds the lowest point of the planes' maximum over a polygon inside the disc; its
+    # multipliers are the planes' shares.
     offsets = matrices.trace(axis1=1, axis2=2) / 2
     slopes = np.stack([(matrices[:, 0, 0] - matrices[:, 1, 1]) / 2, matrices[:, 0, 1]], axis=1)
     size = float(np.abs(offsets).max()) or 1.0
