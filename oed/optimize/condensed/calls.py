@@ -64,11 +64,11 @@ class ArrayFunction(ca.Callback):  # type: ignore[misc]
             arguments: memory of every argument.
             results: memory for every result.
         """
-        given = [
+        values = [
             np.zeros(size) if memory is None else np.frombuffer(memory, float)
             for memory, size in zip(arguments, self._sizes, strict=True)
         ]
-        for memory, entries in zip(results, self._function(*given), strict=True):
+        for memory, entries in zip(results, self._function(*values), strict=True):
             if memory is not None:
                 np.frombuffer(memory, float)[:] = entries
         return 0

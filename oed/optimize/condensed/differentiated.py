@@ -46,26 +46,26 @@ class Differentiated:
     @cached_property
     def _curvature(self) -> tuple[ca.Function, ca.Sparsity]:
         weights = ca.SX.sym("weights", self.count)
-        whole, _ = ca.hessian(ca.dot(weights, self._results), self._symbols[0])
-        return ca.Function("curvature", [*self._symbols, weights], [entries_of(whole)]), whole.sparsity()
+        matrix, _ = ca.hessian(ca.dot(weights, self._results), self._symbols[0])
+        return ca.Function("curvature", [*self._symbols, weights], [entries_of(matrix)]), matrix.sparsity()
 
     @property
     def is_linear(self) -> bool:
-        """Whether all second derivatives are zero."""
+        """True if all second derivatives are zero."""
         return bool(self._curvature[1].nnz() == 0)
 
     def values(self, variables: Array, constants: Array | None = None) -> Array:
         """Return the results (K, k) of variables (K, n) and constants (K, c)."""
-        given = np.zeros((len(variables), 0)) if constants is None else constants
-        (found,) = mapped(self._values, len(variables))(variables, given)
-        return found.reshape(len(variables), self.count)
+        fixed = np.zeros((len(variables), 0)) if constants is None else constants
+        (results,) = mapped(self._values, len(variables))(variables, fixed)
+        return results.reshape(len(variables), self.count)
 
     def slopes(self, variables: Array, constants: Array | None = None) -> Array:
         """Return the derivatives (K, k, n) of the results by the variables."""
-        given = np.zeros((len(variables), 0)) if constants is None else constants
+        fixed = np.zeros((len(variables), 0)) if constants is None else constants
         function, pattern = self._slopes
-        (found,) = mapped(function, len(variables))(variables, given)
-        return matrices_of(pattern, found, len(variables))
+        (entries,) = mapped(function, len(variables))(variables, fixed)
+        return matrices_of(pattern, entries, len(variables))
 
     def curvature(self, variables: Array, weights: Array, constants: Array | None = None) -> Array:
         """Return the second derivatives (K, n, n) of the sum of the results with these weights.
@@ -75,10 +75,10 @@ class Differentiated:
             weights: of every result, (K, k).
             constants: of every evaluation, (K, c).
         """
-        given = np.zeros((len(variables), 0)) if constants is None else constants
+        fixed = np.zeros((len(variables), 0)) if constants is None else constants
         function, pattern = self._curvature
-        (found,) = mapped(function, len(variables))(variables, given, weights)
-        return matrices_of(pattern, found, len(variables))
+        (entries,) = mapped(function, len(variables))(variables, fixed, weights)
+        return matrices_of(pattern, entries, len(variables))
 
 
 def entries_of(matrix: Expression) -> Expression:
@@ -95,7 +95,7 @@ def matrices_of(pattern: ca.Sparsity, entries: Array, count: int) -> Array:
         count: number of matrices.
     """
     rows, columns = pattern.shape
-    found = np.zeros((count, rows * columns))
+    table = np.zeros((count, rows * columns))
     row, column = (np.array(part, dtype=int) for part in pattern.get_triplet())
-    found[:, row * columns + column] = entries.reshape(count, -1)
-    return found.reshape(count, rows, columns)
+    table[:, row * columns + column] = entries.reshape(count, -1)
+    return table.reshape(count, rows, columns)

@@ -183,13 +183,13 @@ class Information:
         runs, count = groups.shape[:2]
         if self._by_run:
             return weights.reshape(runs, 1, -1), None
-        each = np.broadcast_to(weights, (runs * count, len(weights)))
+        repeated = np.broadcast_to(weights, (runs * count, len(weights)))
         if self._square is None:
-            return each.reshape(runs, count, -1), None
+            return repeated.reshape(runs, count, -1), None
         rows = groups.reshape(runs * count, -1)
-        own = np.matmul(each[:, None], self._square.slopes(rows))[:, 0]
-        bent = self._square.curvature(rows, np.ascontiguousarray(each))
-        return own.reshape(groups.shape), bent.reshape(runs, count, *bent.shape[1:])
+        on_rows = np.matmul(repeated[:, None], self._square.slopes(rows))[:, 0]
+        bent = self._square.curvature(rows, np.ascontiguousarray(repeated))
+        return on_rows.reshape(groups.shape), bent.reshape(runs, count, *bent.shape[1:])
 
 
 def _total(parts: Array, axis: int) -> Array:
@@ -199,7 +199,7 @@ def _total(parts: Array, axis: int) -> Array:
 
 def _reader(matrix: Expression, index: dict[int, int]) -> Reader:
     def chosen(places: Sequence[int]) -> Expression:
-        own = [index[place] for place in places]
-        return matrix[own, own]
+        columns = [index[place] for place in places]
+        return matrix[columns, columns]
 
     return chosen

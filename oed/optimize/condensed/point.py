@@ -25,7 +25,8 @@ class Parts:
     Attributes:
         runs: cells of all samples.
         unknowns: places of every run's unknowns in z.
-        drive: (z) -> start states, inputs held, linear rows, what else limits on whole runs need.
+        drive: (z) -> start states, inputs held, linear rows, inputs and unknowns that limits on whole runs
+            need.
         start_slopes: derivatives of the start states by z, (R, states, size).
         information: what samples add up to.
         ending: what is read at a run's end, of (x, inputs held until then); None of regressions.
@@ -56,30 +57,30 @@ class Parts:
         """Return the drives of unknowns (K, size)."""
         # By a function of one drive, whose digits do not depend on how many there are.
         count, runs = len(candidates), self.runs
-        starts, held, linear, others = mapped(self.drive, count)(candidates)
+        starts, held, linear, needed = mapped(self.drive, count)(candidates)
         return Drives(
             starts.reshape(count, runs.count, runs.cell.states),
             held.reshape(count, runs.count, *runs.held_slopes.shape[:2]),
             linear.reshape(count, self.drive.size1_out(2)),
-            others.reshape(count, self.drive.size1_out(3)),
+            needed.reshape(count, self.drive.size1_out(3)),
         )
 
 
 @dataclass(frozen=True)
 class Drives:
-    """What is linear in the unknowns of K drives.
+    """Parts of K drives that are linear in the unknowns.
 
     Attributes:
         starts: states, (K, R, states).
         held: inputs, in units of their scale, (K, R, N, inputs).
         linear: rows of limits, (K, rows).
-        others: what limits on whole runs need besides states, (K, n).
+        needed: inputs and unknowns that limits on whole runs need besides states, (K, n).
     """
 
     starts: Array
     held: Array
     linear: Array
-    others: Array
+    needed: Array
 
 
 @dataclass(frozen=True)
@@ -100,10 +101,10 @@ class ChosenRows:
 
 
 class Point:
-    """Information and limits at unknowns z; what is asked for again is computed once.
+    """Information and limits at unknowns z, every part computed once.
 
     Attributes:
-        z: the unknowns, (size,).
+        z: unknowns, (size,).
     """
 
     def __init__(self, parts: Parts, z: Array) -> None:
@@ -114,7 +115,7 @@ class Point:
 
     @cached_property
     def drive(self) -> Drives:
-        """What is linear in z."""
+        """Start states, inputs and rows, which are linear in z."""
         return self._parts.drives(self.z[None])
 
     @cached_property
@@ -156,10 +157,10 @@ class Point:
 
     @cached_property
     def _group_slopes(self) -> Array:
-        found = self._sloped.added_slopes(self._parts.information.groups)
+        slopes = self._sloped.added_slopes(self._parts.information.groups)
         if self._parts.ending is not None:
-            found[:, 0] += np.matmul(self._parts.ending.slopes(self._end), self._end_slopes)
-        return found
+            slopes[:, 0] += np.matmul(self._parts.ending.slopes(self._end), self._end_slopes)
+        return slopes
 
     @cached_property
     def _sum_slopes(self) -> Array:
@@ -174,37 +175,37 @@ class Point:
         return self._parts.information.entry_slopes(self._sums) @ self._sum_slopes
 
     @cached_property
-    def _whole_given(self) -> Array:
-        whole = self._parts.whole
-        assert whole is not None
-        samples, states = whole.states
+    def _run_variables(self) -> Array:
+        limits = self._parts.whole
+        assert limits is not None
+        samples, states = limits.states
         run, sample = np.divmod(samples, self._parts.runs.samples)
-        own = self._rolled.points[run, sample, states]
-        return np.asarray(whole.given(own[None], self.drive.others)[0])
+        values = self._rolled.points[run, sample, states]
+        return np.asarray(limits.variables(values[None], self.drive.needed)[0])
 
     @cached_property
-    def _whole_slopes(self) -> Array:
-        whole, parts = self._parts.whole, self._parts
-        assert whole is not None
-        samples, states = whole.states
+    def _run_variable_slopes(self) -> Array:
+        limits, parts = self._parts.whole, self._parts
+        assert limits is not None
+        samples, states = limits.states
         run, sample = np.divmod(samples, parts.runs.samples)
-        found = np.zeros((len(states), parts.size))
+        slopes = np.zeros((len(states), parts.size))
         if len(states):
             rows = self._sloped.slopes[run, sample, states]
-            found[np.arange(len(states))[:, None], parts.unknowns.places[run]] = rows
-        return whole.given_slopes(found)
+            slopes[np.arange(len(states))[:, None], parts.unknowns.places[run]] = rows
+        return limits.variable_slopes(slopes)
 
     @property
-    def whole_rows(self) -> Array:
+    def run_rows(self) -> Array:
         """Rows of limits on whole runs."""
         assert self._parts.whole is not None
-        return np.asarray(self._parts.whole.values(self._whole_given[None])[0])
+        return np.asarray(self._parts.whole.values(self._run_variables[None])[0])
 
     @property
-    def whole_row_slopes(self) -> Array:
+    def run_row_slopes(self) -> Array:
         """Derivatives of the rows of limits on whole runs by z, (rows, size)."""
         assert self._parts.whole is not None
-        return self._parts.whole.slopes(self._whole_given, self._whole_slopes)
+        return self._parts.whole.slopes(self._run_variables, self._run_variable_slopes)
 
     def instants(self, chosen: ChosenRows) -> Array:
         """Return the chosen rows of instants, (K,)."""
@@ -236,25 +237,25 @@ class Point:
         parts, slopes = self._parts, self._sloped.slopes
         states, width = parts.runs.cell.states, parts.runs.cell.width
         places = np.r_[0:states, width : slopes.shape[2]]
-        own = slopes[chosen.run[:, None], chosen.sample[:, None], places]
-        found = np.zeros((len(chosen.run), parts.instants.size, parts.size))
+        slopes_at_begins = slopes[chosen.run[:, None], chosen.sample[:, None], places]
+        around = np.zeros((len(chosen.run), parts.instants.size, parts.size))
         rows = np.arange(len(chosen.run))[:, None, None], np.arange(len(places))[None, :, None]
-        found[(*rows, parts.unknowns.places[chosen.run][:, None, :])] = own
+        around[(*rows, parts.unknowns.places[chosen.run][:, None, :])] = slopes_at_begins
         if parts.instants.asking:
-            found[:, len(places) :] = chosen.asked
-        return found
+            around[:, len(places) :] = chosen.asked
+        return around
 
     def instant_slopes(self, chosen: ChosenRows) -> Array:
         """Return derivatives of the chosen rows by z, (K, size)."""
         steep = self._parts.instants.chosen.slopes(self._around(chosen), chosen.constants)
         return np.asarray(np.matmul(steep, self._around_slopes(chosen))[:, 0])
 
-    def curvature(self, entries: Array, whole: Array, instants: Array, chosen: ChosenRows | None) -> Array:
+    def curvature(self, entries: Array, on_runs: Array, instants: Array, chosen: ChosenRows | None) -> Array:
         """Return second derivatives (size, size) by z of a weighted sum.
 
         Args:
             entries: weights of the matrices' entries, (e,).
-            whole: weights of the rows of limits on whole runs.
+            on_runs: weights of the rows of limits on whole runs.
             instants: weights of the chosen rows, (K,).
             chosen: these rows, if there are any.
         """
@@ -271,25 +272,25 @@ class Point:
             by_runs += np.matmul(slopes.transpose(0, 1, 3, 2), np.matmul(square, slopes)).sum(axis=1)
         ends = np.zeros_like(rolled.ends)
         if parts.ending is not None:
-            own = np.broadcast_to(groups[:, 0], (len(ends), groups.shape[2]))
-            ends = np.matmul(own[:, None], parts.ending.slopes(self._end))[:, 0, : ends.shape[1]]
-            inner = parts.ending.curvature(self._end, np.ascontiguousarray(own))
+            weights_at_ends = np.broadcast_to(groups[:, 0], (len(ends), groups.shape[2]))
+            ends = np.matmul(weights_at_ends[:, None], parts.ending.slopes(self._end))[:, 0, : ends.shape[1]]
+            inner = parts.ending.curvature(self._end, np.ascontiguousarray(weights_at_ends))
             slopes = self._end_slopes
             by_runs += np.matmul(slopes.transpose(0, 2, 1), np.matmul(inner, slopes))
         points = np.zeros_like(rolled.points)
         if parts.whole is not None:
-            given, slopes = self._whole_given, self._whole_slopes
-            total += parts.whole.curvature(given, slopes, whole)
+            needed, slopes = self._run_variables, self._run_variable_slopes
+            total += parts.whole.curvature(needed, slopes, on_runs)
             samples, states = parts.whole.states
             run, sample = np.divmod(samples, parts.runs.samples)
-            np.add.at(points, (run, sample, states), parts.whole.weights(given, whole))
+            np.add.at(points, (run, sample, states), parts.whole.weights(needed, on_runs))
         if chosen is not None:
             total += self._of_instants(chosen, instants, points)
-        each = parts.runs.samples // information.groups
-        added = np.repeat(groups, each, axis=1)
+        length = parts.runs.samples // information.groups
+        added = np.repeat(groups, length, axis=1)
         by_runs += rolled.curvature(ends, np.ascontiguousarray(added), points)
-        for places, own in zip(parts.unknowns.places, by_runs, strict=True):
-            total[np.ix_(places, places)] += own
+        for places, by_run in zip(parts.unknowns.places, by_runs, strict=True):
+            total[np.ix_(places, places)] += by_run
         return total
 
     def _of_instants(self, chosen: ChosenRows, weights: Array, points: Array) -> Array:

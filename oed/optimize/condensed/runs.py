@@ -92,7 +92,7 @@ class Runs:
 
     @cached_property
     def state_pattern(self) -> Bools:
-        """Which of (x at a cell's begin, inputs) each entry of x at its end depends on."""
+        """Pattern (width, width + inputs) of x at a cell's end by x at its begin and its inputs."""
         return np.array(matrices_of(self.cell.slopes[0].pattern, np.ones(self._onward_entries), 1)[0] != 0)
 
     @property
@@ -122,7 +122,7 @@ class Rolled:
         return self._runs.count, self._runs.samples
 
     @cached_property
-    def _given(self) -> list[Array]:
+    def _cell_arguments(self) -> list[Array]:
         # Of all cells, one row each.
         count = self._runs.count * self._runs.samples
         return [
@@ -138,7 +138,7 @@ class Rolled:
         return [
             entries.reshape(count, part.pattern.nnz())
             for part, entries in zip(
-                self._cell.slopes, mapped(self._cell.jacobian, count)(*self._given), strict=True
+                self._cell.slopes, mapped(self._cell.jacobian, count)(*self._cell_arguments), strict=True
             )
         ]
 
@@ -158,8 +158,8 @@ class Rolled:
         begins = np.zeros((runs, width, start_slopes.shape[2]))
         begins[:, : self._cell.states] = start_slopes
         held = np.broadcast_to(self._runs.held_slopes, (runs, *self._runs.held_slopes.shape))
-        (found,) = self._runs.forward(begins, held, self._cell_slopes[0])
-        ends = found.reshape(runs, samples, width, start_slopes.shape[2])
+        (flat,) = self._runs.forward(begins, held, self._cell_slopes[0])
+        ends = flat.reshape(runs, samples, width, start_slopes.shape[2])
         self.slopes = np.empty((runs, samples, width + held.shape[2], ends.shape[3]))
         self.slopes[:, :, width:] = held
         self.slopes[:, 0, :width], self.slopes[:, 1:, :width] = begins, ends[:, :-1]
@@ -174,10 +174,10 @@ class Rolled:
         """Return derivatives (R, groups, added, w) of what each of so many equal parts of a run adds."""
         gathered = self._added_slopes
         runs, samples, added, columns = gathered.shape
-        each = samples // groups
-        parts = gathered.reshape(runs, groups, each, added, columns).transpose(0, 1, 3, 2, 4)
-        steps = self.slopes.reshape(runs, groups, each * columns, self.slopes.shape[3])
-        return np.asarray(np.matmul(parts.reshape(runs, groups, added, each * columns), steps))
+        length = samples // groups
+        parts = gathered.reshape(runs, groups, length, added, columns).transpose(0, 1, 3, 2, 4)
+        steps = self.slopes.reshape(runs, groups, length * columns, self.slopes.shape[3])
+        return np.asarray(np.matmul(parts.reshape(runs, groups, added, length * columns), steps))
 
     def curvature(self, ends: Array, added: Array, points: Array | None) -> Array:
         """Return second derivatives (R, w, w) by the runs' unknowns of a weighted sum of what runs do.
@@ -193,8 +193,8 @@ class Rolled:
             pulled = pulled + points
         onward = self._cell_slopes[0]
         onward = onward.reshape(runs, samples, onward.shape[1])
-        (found,) = self._runs.backward(ends, onward[:, ::-1], pulled[:, ::-1])
-        begins = found.reshape(runs, samples, width)[:, ::-1]
+        (flat,) = self._runs.backward(ends, onward[:, ::-1], pulled[:, ::-1])
+        begins = flat.reshape(runs, samples, width)[:, ::-1]
         following = np.concatenate([begins[:, 1:], ends[:, None]], axis=1)
         return self._bent(following, added)
 
@@ -203,25 +203,28 @@ class Rolled:
         (runs, samples), cell = self._shape, self._cell
         count = runs * samples
         weights = [following.reshape(count, cell.width), added.reshape(count, added.shape[2])]
-        found = mapped(cell.curvature, count)(*self._given, *weights)
+        results = mapped(cell.curvature, count)(*self._cell_arguments, *weights)
         inner = [
-            matrices_of(part.pattern, entries, count) for part, entries in zip(cell.inner, found, strict=True)
+            matrices_of(part.pattern, entries, count)
+            for part, entries in zip(cell.inner, results, strict=True)
         ]
         slopes = self.slopes.reshape(count, *self.slopes.shape[2:])
         if not cell.bent_slopes:
             bent = np.ascontiguousarray(slopes[:, cell.bent])
             return self._products(bent, np.matmul(inner[0], bent))
-        own = mapped(cell.bent_jacobian, count)(*self._given)
-        bent, beside = (
+        entries_of_bent = mapped(cell.bent_jacobian, count)(*self._cell_arguments)
+        bent, more_bent = (
             np.matmul(matrices_of(part.pattern, entries, count), slopes)
-            for part, entries in zip(cell.bent_slopes, own, strict=True)
+            for part, entries in zip(cell.bent_slopes, entries_of_bent, strict=True)
         )
-        half = np.matmul(inner[0].transpose(0, 2, 1), bent) + np.matmul(inner[1].transpose(0, 2, 1), beside)
+        half = np.matmul(inner[0].transpose(0, 2, 1), bent) + np.matmul(
+            inner[1].transpose(0, 2, 1), more_bent
+        )
         total = self._products(bent, half)
         return np.asarray(total + total.transpose(0, 2, 1))
 
-    def _products(self, left: Array, right: Array) -> Array:
+    def _products(self, first: Array, second: Array) -> Array:
         # Sums over a run's samples of the products left' right, (R, w, w).
-        runs, unknowns = self._runs.count, left.shape[-1]
-        rows = left.reshape(runs, -1, unknowns).transpose(0, 2, 1)
-        return np.asarray(np.matmul(rows, right.reshape(runs, -1, unknowns)))
+        runs, unknowns = self._runs.count, first.shape[-1]
+        rows = first.reshape(runs, -1, unknowns).transpose(0, 2, 1)
+        return np.asarray(np.matmul(rows, second.reshape(runs, -1, unknowns)))

@@ -58,21 +58,21 @@ class Condensed(Terms):
         self._instants = InstantRows(problem, needs.instants, self.input_scale)
         rows = WholeRows(Formulas(self, needs.whole), self._moved(runs, unknowns)) if needs.whole else None
         self._fixed = FixedRows(self, needs, rows, self._instants.without)
-        whole = None if rows is None else WholeRuns(rows, self.size)
+        whole_runs = None if rows is None else WholeRuns(rows, self.size)
         self._parts = Parts(
             runs=runs,
             unknowns=unknowns,
-            drive=self._drive(whole),
+            drive=self._drive(whole_runs),
             start_slopes=self.start_slopes,
             information=Information(problem, added),
             ending=self._ending() if sensors else None,
-            whole=whole,
+            whole=whole_runs,
             instants=self._instants,
         )
         self._point: Point | None = None
         self._latest: tuple[Array, ChosenRows] | None = None
 
-    def _drive(self, whole: WholeRuns | None) -> ca.Function:
+    def _drive(self, limits: WholeRuns | None) -> ca.Function:
         # What is linear in z.
         z, embedding, fixed = ca.MX.sym("z", self.size), self.embedding, self._fixed
         held = ca.MX(self.problem.design.all_samples, 0)
@@ -81,40 +81,40 @@ class Condensed(Terms):
         constant = ca.evalf(ca.substitute(self.starts.T, self.unknowns, ca.DM.zeros(self.size)))
         starts = ca.vec(constant) + without_zeros(self.start_slopes.reshape(-1, self.size)) @ z
         linear = without_zeros(fixed.slope) @ z + ca.DM(fixed.constant)
-        others = ca.MX(0, 1) if whole is None else without_zeros(whole.affine) @ z
-        results = [starts, ca.vec(held.T), linear, others]
+        needed = ca.MX(0, 1) if limits is None else without_zeros(limits.affine) @ z
+        results = [starts, ca.vec(held.T), linear, needed]
         return ca.Function("drive", [z], [ca.densify(part) for part in results])
 
     def _held_slopes(self, unknowns: RunUnknowns) -> Array:
         # Derivatives of the inputs held by a run's unknowns, (N, inputs, w), the starts behind all others.
         space, first = self.problem.design, 0
-        found = np.zeros((space.samples, self.embedding.inputs, unknowns.per_run))
+        slopes = np.zeros((space.samples, self.embedding.inputs, unknowns.per_run))
         for place, held in enumerate(self.embedding.own_held):
-            found[:, place, first : first + held.shape[1]] = held
+            slopes[:, place, first : first + held.shape[1]] = held
             first += held.shape[1]
-        return found
+        return slopes
 
     def _ending(self) -> Differentiated:
         # The information read at a run's end, of x there and the inputs held until then.
         cell, system = self._cell, self.problem.system
         x, held = ca.SX.sym("x", cell.width), ca.SX.sym("held", len(system.inputs))
-        seen = read_end(self.problem, ca.DM(self.input_scale) * held, x[: cell.states])
-        whole = symmetric(seen, cell.carry.gathered_size)
-        added = cell.carry.at_end(whole, x[cell.states :])
+        gathered = read_end(self.problem, ca.DM(self.input_scale) * held, x[: cell.states])
+        matrix = symmetric(gathered, cell.carry.gathered_size)
+        added = cell.carry.at_end(matrix, x[cell.states :])
         return Differentiated(ca.vertcat(x, held), ca.cse(added))
 
     def _moved(self, runs: Runs, unknowns: RunUnknowns) -> Bools:
         # Which unknowns move the states at all samples' begins, (samples, states, size).
         states, width, onward = self._cell.states, self._cell.width, runs.state_pattern
         by_state, by_held = onward[:states, :states], onward[:states, width:]
-        found = np.zeros((runs.count, runs.samples, states, self.size), dtype=bool)
+        moved_by = np.zeros((runs.count, runs.samples, states, self.size), dtype=bool)
         for run in range(runs.count):
             moved, places = self.start_slopes[run] != 0, unknowns.places[run]
             for sample in range(runs.samples):
-                found[run, sample] = moved
+                moved_by[run, sample] = moved
                 moved = by_state @ moved
                 moved[:, places] |= by_held @ (runs.held_slopes[sample] != 0)
-        return found.reshape(runs.count * runs.samples, states, self.size)
+        return moved_by.reshape(runs.count * runs.samples, states, self.size)
 
     @property
     def sizes(self) -> list[int]:
@@ -128,7 +128,7 @@ class Condensed(Terms):
 
     @property
     def linear(self) -> list[bool]:
-        """Whether each limit's rows are linear in z."""
+        """Linearity in z of each limit's rows."""
         return self._fixed.linear
 
     @property
@@ -166,18 +166,18 @@ class Condensed(Terms):
             by_z = point.entry_slopes.ravel(order="F")
             return [by_z, rows.slopes(point, self._chosen(count, *numbers))]
 
-        def curvature(z: Array, *given: Array) -> list[Array]:
-            *numbers, weights, on_rows = given
-            whole, instants = rows.weights(on_rows)
-            found = self.at(z).curvature(weights, whole, instants, self._chosen(count, *numbers))
-            return [found.T[self._upper]]
+        def curvature(z: Array, *arguments: Array) -> list[Array]:
+            *numbers, weights, on_rows = arguments
+            on_runs, on_instants = rows.weights(on_rows)
+            matrix = self.at(z).curvature(weights, on_runs, on_instants, self._chosen(count, *numbers))
+            return [matrix.T[self._upper]]
 
         dense, size = ca.Sparsity.dense, self.size
-        given = [size, *width]
+        sizes = [size, *width]
         return Functions(
-            ArrayFunction("terms", given, [dense(entries, 1), dense(rows.count, 1)], values),
-            ArrayFunction("slopes", given, [dense(entries, size), rows.pattern], slopes),
-            ArrayFunction("curvature", [*given, entries, rows.count], [ca.Sparsity.upper(size)], curvature),
+            ArrayFunction("terms", sizes, [dense(entries, 1), dense(rows.count, 1)], values),
+            ArrayFunction("slopes", sizes, [dense(entries, size), rows.pattern], slopes),
+            ArrayFunction("curvature", [*sizes, entries, rows.count], [ca.Sparsity.upper(size)], curvature),
         )
 
     @cached_property
@@ -197,16 +197,16 @@ class Condensed(Terms):
         order, inputs, size = slots.order, self.embedding.inputs, self.size
         edges = np.cumsum([count, count, order * count, order * count])
         sample, elapsed, basis, places, chosen = np.split(numbers, edges)
-        run, own = np.divmod(sample.astype(int), self.problem.design.samples)
-        asked = np.zeros((count, inputs if order else 0, size))
+        run, place_in_run = np.divmod(sample.astype(int), self.problem.design.samples)
+        spline_slopes = np.zeros((count, inputs if order else 0, size))
         if order:
             columns = places.reshape(count, order).astype(int)
             stride = self.embedding.sizes[0]
             for place in range(inputs):
                 rows = np.arange(count)[:, None], np.full_like(columns, place), columns + place * stride
-                np.add.at(asked, rows, basis.reshape(count, order))
+                np.add.at(spline_slopes, rows, basis.reshape(count, order))
         constants = np.hstack([elapsed[:, None], chosen.reshape(count, self._instants.count)])
-        return ChosenRows(run, own, constants, asked)
+        return ChosenRows(run, place_in_run, constants, spline_slopes)
 
     @property
     def written(self) -> int:
@@ -240,10 +240,11 @@ class Condensed(Terms):
             several = ("thread", min(threads, len(starts))) if min(threads, len(starts)) > 1 else ()
             chain = self._scored_cell.mapaccum("scored", runs.samples)
             self._rolls[key] = DirectCall(chain.map(len(starts), *several))
-        found = self._rolls[key](runs.begins(starts), held, runs.reads(len(starts)))
+        results = self._rolls[key](runs.begins(starts), held, runs.reads(len(starts)))
         widths = [self._cell.width, self._cell.gathered.numel(), len(self._instants.limits)]
         return [
-            part.reshape(len(starts), runs.samples, width) for part, width in zip(found, widths, strict=True)
+            part.reshape(len(starts), runs.samples, width)
+            for part, width in zip(results, widths, strict=True)
         ]
 
     @cached_property
@@ -266,31 +267,31 @@ class Condensed(Terms):
             run, sample = np.divmod(samples, runs.samples)
             begun = following.reshape(count, runs.count, *following.shape[1:])[..., :-1, :states]
             begins = np.concatenate([drives.starts[:, :, None], begun], axis=2)
-            given = self._parts.whole.given(begins[:, run, sample, places], drives.others)
-            rows.append(self._parts.whole.values(given))
-        whole = np.concatenate(rows, axis=1)[:, fixed.order]
-        seen = worst.reshape(count, -1, worst.shape[2]).max(axis=1) if worst.shape[2] else worst[:0, 0]
+            needed = self._parts.whole.variables(begins[:, run, sample, places], drives.needed)
+            rows.append(self._parts.whole.values(needed))
+        fixed_rows = np.concatenate(rows, axis=1)[:, fixed.order]
+        on_instants = worst.reshape(count, -1, worst.shape[2]).max(axis=1) if worst.shape[2] else worst[:0, 0]
         if self.problem.design.start_is_free and self._instants.count:
-            seen = np.maximum(seen, self._at_starts(drives.starts, drives.held))
-        found, first = np.empty((count, len(self.rows))), 0
+            on_instants = np.maximum(on_instants, self._at_starts(drives.starts, drives.held))
+        excess, first = np.empty((count, len(self.rows))), 0
         for place, bounds in enumerate(self.rows):
-            own = whole[:, first : first + len(bounds.lower)]
+            values = fixed_rows[:, first : first + len(bounds.lower)]
             first += len(bounds.lower)
             if place in self._instants.limits:
-                found[:, place] = seen[:, self._instants.limits.index(place)]
+                excess[:, place] = on_instants[:, self._instants.limits.index(place)]
             else:
-                above = np.maximum(own - bounds.upper, bounds.lower - own).max(axis=1, initial=-1e20)
-                found[:, place] = above / bounds.size
-        return found
+                above = np.maximum(values - bounds.upper, bounds.lower - values).max(axis=1, initial=-1e20)
+                excess[:, place] = above / bounds.size
+        return excess
 
     def _at_starts(self, starts: Array, held: Array) -> Array:
         # The same of limits on instants (K, limits) where the runs begin, which may be chosen.
         instants, count = self._instants, starts.shape[0] * starts.shape[1]
         first = held[:, :, 0].reshape(count, -1)
-        given = np.hstack(
+        variables = np.hstack(
             [starts.reshape(count, starts.shape[2]), first, *([first] if instants.asking else [])]
         )
-        excess = instants.excess(instants.table(given, np.zeros(count)))
+        excess = instants.excess(instants.table(variables, np.zeros(count)))
         excess = excess.reshape(len(starts), -1, instants.count)
-        each = [excess[..., instants.owner == place].max(axis=(1, 2)) for place in instants.limits]
-        return np.stack(each, axis=1)
+        by_limit = [excess[..., instants.owner == place].max(axis=(1, 2)) for place in instants.limits]
+        return np.stack(by_limit, axis=1)

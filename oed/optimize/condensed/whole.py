@@ -24,84 +24,86 @@ class WholeRuns:
         """Take the rows, of drives of so many unknowns."""
         self._rows, self._formulas, self.size = rows, rows.formulas, size
         needed = np.array(self._formulas.needed, dtype=int)
-        others = needed[needed >= self._formulas.states] - self._formulas.states
-        self.affine = np.array(ca.DM(self._formulas.affine))[others]
-        self.kept: Places = np.array(rows.kept, dtype=int)
+        further = needed[needed >= self._formulas.states] - self._formulas.states
+        self.affine = np.array(ca.DM(self._formulas.affine))[further]
+        self.moved: Places = np.array(rows.kept, dtype=int)
         self.pattern = (
             ca.DM(rows.pattern, 1.0)[rows.kept, :].sparsity() if rows.kept else ca.Sparsity(0, size)
         )
 
     @property
     def states(self) -> tuple[Places, Places]:
-        """Which samples' states the rows need, through all runs, and which of the states, (n,) each."""
+        """Samples, counted through all runs, and states at their begins that the rows need, (n,) each."""
         state, place = self._formulas.of_states
         return self._formulas.samples[place], state
 
-    def given(self, states: Array, others: Array) -> Array:
-        """Return what the rows are functions of, (K, needed).
+    def variables(self, states: Array, further: Array) -> Array:
+        """Return the variables of the rows, (K, needed).
 
         Args:
-            states: those that they need, (K, n).
-            others: inputs and unknowns that they need, (K, m).
+            states: needed states, (K, n).
+            further: needed inputs and unknowns, (K, m).
         """
-        return np.hstack([states, others])
+        return np.hstack([states, further])
 
-    def given_slopes(self, states: Array) -> Array:
-        """Return derivatives (needed, size) of that, from those of the states (n, size)."""
+    def variable_slopes(self, states: Array) -> Array:
+        """Return derivatives (needed, size) of the variables, from those of the states (n, size)."""
         return np.vstack([states, self.affine])
 
-    def values(self, given: Array) -> Array:
+    def values(self, variables: Array) -> Array:
         """Return the rows (K, rows)."""
-        (found,) = mapped(self._formulas.values, len(given))(given)
-        return found.reshape(len(given), -1)[:, self.kept]
+        (rows,) = mapped(self._formulas.values, len(variables))(variables)
+        return rows.reshape(len(variables), -1)[:, self.moved]
 
-    def slopes(self, given: Array, slopes: Array) -> Array:
+    def slopes(self, variables: Array, slopes: Array) -> Array:
         """Return derivatives (rows, size) of the rows by z.
 
         Args:
-            given: what they are functions of, (needed,).
-            slopes: derivatives of that, (needed, size).
+            variables: variables of the rows, (needed,).
+            slopes: derivatives of the variables, (needed, size).
         """
-        found = [np.zeros((0, self.size))]
+        slopes_by_limit = [np.zeros((0, self.size))]
         # Limit by limit: a slope that is infinite in one is not to spread to the others.
         for along, backwards, count in self._differentiated:
             if along is not None:
-                (rows,) = mapped(along, self.size, 0)(given, slopes.T)
-                found.append(rows.reshape(self.size, count).T)
+                (rows,) = mapped(along, self.size, 0)(variables, slopes.T)
+                slopes_by_limit.append(rows.reshape(self.size, count).T)
             elif backwards is not None:
-                (rows,) = mapped(backwards, count, 0)(given, np.eye(count))
-                found.append(rows.reshape(count, -1) @ slopes)
-        return np.concatenate(found)[self.kept]
+                (rows,) = mapped(backwards, count, 0)(variables, np.eye(count))
+                slopes_by_limit.append(rows.reshape(count, -1) @ slopes)
+        return np.concatenate(slopes_by_limit)[self.moved]
 
     @cached_property
     def _differentiated(self) -> list[tuple[ca.Function | None, ca.Function | None, int]]:
-        # Of every limit: derivatives along a direction, or of weighted rows by all that is given.
+        # Of every limit: derivatives along a direction, or of weighted rows by all variables.
         formulas, functions = self._formulas, list[tuple[ca.Function | None, ca.Function | None, int]]()
         for limit in formulas.rows:
             rows = ca.densify(limit.expression)
             count = int(rows.shape[0])
             if count >= self.size:
                 direction = ca.SX.sym("direction", len(formulas.needed))
-                slope = ca.densify(ca.jtimes(rows, formulas.given, direction))
-                along = ca.Function("whole_along", [formulas.given, direction], [slope])
+                slope = ca.densify(ca.jtimes(rows, formulas.variables, direction))
+                along = ca.Function("whole_along", [formulas.variables, direction], [slope])
                 functions.append((along, None, count))
             elif count:
                 weights = ca.SX.sym("weights", count)
-                slope = ca.densify(ca.jtimes(rows, formulas.given, weights, True))
-                functions.append((None, ca.Function("whole_back", [formulas.given, weights], [slope]), count))
+                slope = ca.densify(ca.jtimes(rows, formulas.variables, weights, True))
+                functions.append(
+                    (None, ca.Function("whole_back", [formulas.variables, weights], [slope]), count)
+                )
         return functions
 
-    def weights(self, given: Array, weights: Array) -> Array:
+    def weights(self, variables: Array, weights: Array) -> Array:
         """Return weights (n,) of the states, of weighted rows."""
-        (found,) = mapped(self._formulas.gradient, 1)(given, self._spread(weights))
-        return found[: len(self._formulas.of_states[0])]
+        (gradient,) = mapped(self._formulas.gradient, 1)(variables, self._spread(weights))
+        return gradient[: len(self._formulas.of_states[0])]
 
-    def curvature(self, given: Array, slopes: Array, weights: Array) -> Array:
+    def curvature(self, variables: Array, slopes: Array, weights: Array) -> Array:
         """Return second derivatives (size, size) by z of weighted rows, but for those of the states.
 
         Args:
-            given: what the rows are functions of, (needed,).
-            slopes: derivatives of that, (needed, size).
+            variables: variables of the rows, (needed,).
+            slopes: derivatives of the variables, (needed, size).
             weights: of the rows, (rows,).
         """
         inner = self._formulas.inner
@@ -109,12 +111,12 @@ class WholeRuns:
             return np.zeros((self.size, self.size))
         directions = self._colours if self._few else slopes.T
         bend = mapped(self._formulas.bent, len(directions), 0, 1)
-        (found,) = bend(given, self._spread(weights), np.ascontiguousarray(directions))
-        found = found.reshape(len(directions), -1)
+        (bent_gradient,) = bend(variables, self._spread(weights), np.ascontiguousarray(directions))
+        bent_gradient = bent_gradient.reshape(len(directions), -1)
         if not self._few:
-            return slopes.T @ found.T
+            return slopes.T @ bent_gradient.T
         rows, columns = (np.array(part, dtype=int) for part in inner.get_triplet())
-        entries = found[self._colour[columns], rows]
+        entries = bent_gradient[self._colour[columns], rows]
         bent = np.zeros_like(slopes)
         np.add.at(bent, rows, entries[:, None] * slopes[columns])
         return np.asarray(slopes.T @ bent)
@@ -132,12 +134,12 @@ class WholeRuns:
     @cached_property
     def _colour(self) -> Places:
         colours = self._formulas.colours
-        found = np.empty(self._formulas.inner.size2(), dtype=np.int64)
-        found[colours.row()] = colours.get_col()
-        return found
+        colour_of = np.empty(self._formulas.inner.size2(), dtype=np.int64)
+        colour_of[colours.row()] = colours.get_col()
+        return colour_of
 
     def _spread(self, weights: Array) -> Array:
         # Rows that no unknown moves have weights as well.
-        found = np.zeros(self._rows.pattern.size1())
-        found[self.kept] = weights
-        return found
+        spread = np.zeros(self._rows.pattern.size1())
+        spread[self.moved] = weights
+        return spread

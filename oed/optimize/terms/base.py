@@ -94,7 +94,7 @@ class Terms(ABC):
 
     @cached_property
     def bounding(self) -> Bounding:
-        """What bounds the inputs and their derivatives at all times (SX of `unknowns`)."""
+        """Expressions that bound the inputs and their derivatives at all times (SX of `unknowns`)."""
         return self.embedding.bounding(self._inputs_unknowns)
 
     @property
@@ -131,7 +131,7 @@ class Terms(ABC):
     @property
     @abstractmethod
     def linear(self) -> list[bool]:
-        """Whether each limit's rows are linear in z."""
+        """Linearity in z of each limit's rows."""
 
     @abstractmethod
     def scored(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
@@ -163,17 +163,17 @@ class Terms(ABC):
 
     @property
     def values(self) -> ca.Function:
-        """Those without slots."""
+        """The function `values` without slots."""
         return self.functions().values
 
     @property
     def jacobian(self) -> ca.Function:
-        """Those without slots."""
+        """The function `jacobian` without slots."""
         return self.functions().jacobian
 
     @property
     def hessian(self) -> ca.Function:
-        """Those without slots."""
+        """The function `hessian` without slots."""
         return self.functions().hessian
 
     @property
@@ -189,12 +189,12 @@ class Terms(ABC):
         nothing = np.zeros(self.size)
         slope = self.jacobian(nothing)[1]
         rows, columns = (np.array(part, dtype=int) for part in slope.sparsity().get_triplet())
-        counts = np.array([len(one.lower) for one in self.rows], dtype=int)
+        counts = np.array([len(limit.lower) for limit in self.rows], dtype=int)
         linear = np.repeat(np.array(self.linear, dtype=bool), counts)
         single = np.flatnonzero(linear & (np.bincount(rows, minlength=len(linear)) == 1))
         # The place of each row's last entry, which is its only one where it is single.
         place = np.zeros(len(linear), dtype=int)
         place[rows] = np.arange(len(rows))
-        own = place[single]
+        entry = place[single]
         constants = np.array(self.values(nothing)[1]).ravel()[single]
-        return single, columns[own], np.array(slope.nonzeros())[own], constants
+        return single, columns[entry], np.array(slope.nonzeros())[entry], constants

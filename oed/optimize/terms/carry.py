@@ -23,7 +23,7 @@ Step = Callable[[Expression, Expression], tuple[Expression, Expression, Expressi
 
 
 class Carry:
-    """What is handed on along a drive: sensitivities S of a part's start, under process noise by nuisances as
+    """Sensitivities S of a part's start that are handed on along a drive, under process noise by nuisances as
     well, and then the start's covariance P; by the entries that change.
 
     Attributes:
@@ -120,9 +120,9 @@ class Carry:
             carried: the entries of S and P that change, there; what a filter remembers no longer matters.
         """
         table, spread = self._parts(self.whole(carried))
-        own = slice(0, self._states)
-        left = spread[own, own] if self._drifting else spread
-        turned, *_ = self._turned(information, table[own, : self._columns], left)
+        states = slice(0, self._states)
+        states_spread = spread[states, states] if self._drifting else spread
+        turned, *_ = self._turned(information, table[states, : self._columns], states_spread)
         return upper_half(ca.densify(turned))
 
     def _parts(self, whole: Expression) -> tuple[Expression, Expression]:
@@ -139,15 +139,15 @@ class Carry:
         lasting = table.shape[1] - (self._nuisances if self._drifting else 0)
         top = ca.horzcat(ca.SX.eye(count), ca.SX(count, table.shape[1] - count))
         if not self._drifting:
-            whole = ca.diagcat(ca.sparsify(ca.vertcat(top, table)), ca.SX.eye(self._nuisances))
-            return whole.T @ information @ whole, table, spread
-        own = ca.horzcat(ca.SX(self._nuisances, lasting), ca.SX.eye(self._nuisances))
-        whole = ca.sparsify(ca.vertcat(top, table, own))
-        seen = information @ whole
+            turning = ca.diagcat(ca.sparsify(ca.vertcat(top, table)), ca.SX.eye(self._nuisances))
+            return turning.T @ information @ turning, table, spread
+        constants = ca.horzcat(ca.SX(self._nuisances, lasting), ca.SX.eye(self._nuisances))
+        turning = ca.sparsify(ca.vertcat(top, table, constants))
+        by_columns = information @ turning
         start = slice(count, count + states)
-        left = posterior(spread, information[start, start])
-        total = whole.T @ seen - seen[start, :].T @ left @ seen[start, :]
-        return total, table - left @ seen[start, :], left
+        remainder = posterior(spread, information[start, start])
+        total = turning.T @ by_columns - by_columns[start, :].T @ remainder @ by_columns[start, :]
+        return total, table - remainder @ by_columns[start, :], remainder
 
     def _followed(self, carried: Expression) -> tuple[Expression, Expression]:
         # What is handed on at the end, and what the part adds to the information.
@@ -166,14 +166,16 @@ class Carry:
         columns = count + states + (self._nuisances if self._drifting else 0)
         split = states * columns
         ends = ca.sparsify(ca.reshape(self._gathered[:split], states, columns))
-        own = states * (states + 1) // 2 if self._drifting else 0
-        gathered = symmetric(self._gathered[split + own :], self.gathered_size)
+        spread_entries = states * (states + 1) // 2 if self._drifting else 0
+        gathered = symmetric(self._gathered[split + spread_entries :], self.gathered_size)
         added, table, spread = self._turned(gathered, table, spread)
         onward, rest = ends[:, count : count + states], ends[:, count + states :]
-        beside = ca.SX(states, table.shape[1] - count - rest.shape[1])
-        following = onward @ ca.sparsify(table) + ca.horzcat(ends[:, :count], beside, rest)
+        zeros = ca.SX(states, table.shape[1] - count - rest.shape[1])
+        following = onward @ ca.sparsify(table) + ca.horzcat(ends[:, :count], zeros, rest)
         if self._drifting:
-            spread = symmetric(self._gathered[split : split + own], states) + onward @ spread @ onward.T
+            spread = (
+                symmetric(self._gathered[split : split + spread_entries], states) + onward @ spread @ onward.T
+            )
         return following, spread, added
 
     def _find_moving(self) -> None:
@@ -181,10 +183,10 @@ class Carry:
         while True:
             carried = ca.SX.sym("carried", len(self.moving))
             entries = self._handed(*self._step(*self._parts(self.whole(carried)))[:2])
-            found = {place for place in range(entries.numel()) if not self._stays(place, entries[place])}
-            if found <= set(self.moving):
+            moving = {place for place in range(entries.numel()) if not self._stays(place, entries[place])}
+            if moving <= set(self.moving):
                 return
-            self.moving = sorted(found | set(self.moving))
+            self.moving = sorted(moving | set(self.moving))
 
     def _stays(self, place: int, entry: Expression) -> bool:
         return bool(entry.is_constant()) and float(entry) == float(self._start[place])

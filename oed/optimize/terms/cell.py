@@ -38,10 +38,10 @@ class Cell:
     the piece). A sample gathers what is read at its first instant; the last instant belongs to the next one.
 
     Attributes:
-        states: of the robot.
-        width: of x.
-        carry: how the sensitivities are handed on.
-        scale: what an input of 1 stands for, (inputs,).
+        states: number of the robot's states.
+        width: length of x.
+        carry: rule by which sensitivities are handed on.
+        scale: physical value of an input of 1, (inputs,).
     """
 
     def __init__(self, problem: Problem, scale: Sequence[float]) -> None:
@@ -92,14 +92,14 @@ class Cell:
 
         Args:
             instants: rows of the limits.
-            times: since the sample's begin [s].
+            times: times since the sample's begin [s].
         """
-        given = ca.vertcat(self._state, self._inputs, *([self._inputs] if instants.asking else []))
-        found = [instants.exceeded(instants.all_rows(given, time)) for time in times]
-        table = ca.horzcat(*found)
-        own = [np.flatnonzero(instants.owner == place).tolist() for place in instants.limits]
-        each = [ca.mmax(table[rows, :]) for rows in own]
-        results = [*self._parts, ca.vertcat(ca.SX(0, 1), *each)]
+        variables = ca.vertcat(self._state, self._inputs, *([self._inputs] if instants.asking else []))
+        excess = [instants.exceeded(instants.all_rows(variables, time)) for time in times]
+        table = ca.horzcat(*excess)
+        rows_by_limit = [np.flatnonzero(instants.owner == place).tolist() for place in instants.limits]
+        worst = [ca.mmax(table[rows, :]) for rows in rows_by_limit]
+        results = [*self._parts, ca.vertcat(ca.SX(0, 1), *worst)]
         return ca.Function("cell", self._arguments, ca.cse([ca.densify(part) for part in results]))
 
     @cached_property
@@ -113,27 +113,27 @@ class Cell:
             ca.jacobian(part, unknowns) + ca.jacobian(part, update.symbols) @ entries for part in self._lifted
         ]
         bent = ca.vertcat(ca.SX.eye(unknowns.shape[0]), entries, changes)
-        return list(ca.cse(update.written_out([*parts, bent[self.bent, :], bent[self.beside, :]])))
+        return list(ca.cse(update.written_out([*parts, bent[self.bent, :], bent[self.half_bent, :]])))
 
     @cached_property
     def slopes(self) -> list[Packed]:
-        """Derivatives of the same two by (x, inputs)."""
+        """Derivatives of x at the end and of what is gathered by (x, inputs)."""
         return [Packed(part) for part in self._slopes[:2]]
 
     @cached_property
     def bent_slopes(self) -> list[Packed]:
-        """Derivatives of what is `bent` and `beside` by (x, inputs); [] where it is some of these."""
+        """Derivatives of `bent` and `half_bent` by (x, inputs); [] where these are x and inputs alone."""
         return [Packed(part) for part in self._slopes[2:]]
 
     @cached_property
     def jacobian(self) -> ca.Function:
         """(x, inputs, which sensors read) -> entries of the slopes."""
-        return ca.Function("cell_slopes", self._arguments, [one.entries for one in self.slopes])
+        return ca.Function("cell_slopes", self._arguments, [packed.entries for packed in self.slopes])
 
     @cached_property
     def bent_jacobian(self) -> ca.Function:
         """(x, inputs, which sensors read) -> entries of `bent_slopes`."""
-        return ca.Function("bent_slopes", self._arguments, [one.entries for one in self.bent_slopes])
+        return ca.Function("bent_slopes", self._arguments, [packed.entries for packed in self.bent_slopes])
 
     @cached_property
     def _bending(self) -> tuple[list[Expression], Expression]:
@@ -141,47 +141,47 @@ class Cell:
         weighted = sum(ca.dot(weight, part) for weight, part in zip(weights, self._lifted, strict=True))
         update, unknowns = self._update, self._unknowns
         if update is None:
-            whole, _ = ca.hessian(weighted, unknowns)
-            return weights, ca.cse(whole)
-        whole, slope = ca.hessian(weighted, ca.vertcat(unknowns, update.symbols))
-        more, own = update.curvature(slope[unknowns.shape[0] :], unknowns)
-        whole += ca.diagcat(more, ca.SX(*[update.symbols.shape[0]] * 2))
-        return weights, ca.cse(*update.written_out([ca.diagcat(whole, own)]))
+            matrix, _ = ca.hessian(weighted, unknowns)
+            return weights, ca.cse(matrix)
+        matrix, slope = ca.hessian(weighted, ca.vertcat(unknowns, update.symbols))
+        more, further = update.curvature(slope[unknowns.shape[0] :], unknowns)
+        matrix += ca.diagcat(more, ca.SX(*[update.symbols.shape[0]] * 2))
+        return weights, ca.cse(*update.written_out([ca.diagcat(matrix, further)]))
 
     @cached_property
     def bent(self) -> list[int]:
-        """Which of (x, inputs, what the update changes, its changes) enter anything but linearly, but for
-        those `beside`.
+        """Places in (x, inputs, changed by the update, its changes) that enter not only linearly, without
+        `half_bent`.
         """
-        found = set(self._bending[1].sparsity().row())
-        return sorted(found - set(self.beside))
+        places = set(self._bending[1].sparsity().row())
+        return sorted(places - set(self.half_bent))
 
     @cached_property
-    def beside(self) -> list[int]:
-        """Those of what the update changes that are bent with others alone, not with each other."""
+    def half_bent(self) -> list[int]:
+        """Places changed by the update that are bent with others alone, not with each other."""
         if self._update is None:
             return []
-        first, whole = self._unknowns.shape[0], self._bending[1]
+        first, matrix = self._unknowns.shape[0], self._bending[1]
         among = range(first, first + self._update.symbols.shape[0])
-        found = [place for place in among if whole[place, :].nnz()]
-        return [] if whole[found, among.start :].nnz() else found
+        places = [place for place in among if matrix[place, :].nnz()]
+        return [] if matrix[places, among.start :].nnz() else places
 
     @cached_property
     def inner(self) -> list[Packed]:
         """Second derivatives of the weighted sum by what is bent; with an update matrices (bent, bent) and
-        (beside, bent) that with their transposes make up those.
+        (half_bent, bent) that with their transposes make up those.
         """
-        whole = self._bending[1]
+        matrix = self._bending[1]
         if self._update is None:
-            return [Packed(whole[self.bent, self.bent])]
-        own = ca.tril(whole[self.bent, self.bent])
-        return [Packed(own - ca.diag(ca.diag(own)) / 2), Packed(whole[self.beside, self.bent])]
+            return [Packed(matrix[self.bent, self.bent])]
+        lower = ca.tril(matrix[self.bent, self.bent])
+        return [Packed(lower - ca.diag(ca.diag(lower)) / 2), Packed(matrix[self.half_bent, self.bent])]
 
     @cached_property
     def curvature(self) -> ca.Function:
         """(x, inputs, which sensors read, weights of both parts) -> entries of `inner`."""
         return ca.Function(
-            "cell_curvature", [*self._arguments, *self._bending[0]], [one.entries for one in self.inner]
+            "cell_curvature", [*self._arguments, *self._bending[0]], [packed.entries for packed in self.inner]
         )
 
 
@@ -191,7 +191,7 @@ class _Step:
     def __init__(self, problem: Problem, drive: Drive, reads: Expression) -> None:
         self._filter, self._reads = _filtering(problem), reads
         self._columns = _columns(problem, self._filter)
-        self._state, *self._held = _given(drive)
+        self._state, *self._held = _sample_arguments(drive)
         self.remembered = self._filter.states - self._state.shape[0]
 
     def __call__(self, table: Expression, spread: Expression) -> tuple[Expression, Expression, Expression]:
@@ -202,22 +202,24 @@ class _Step:
     def updated(self, table: Expression, spread: Expression) -> Update:
         # What readings make of them.
         slopes = table[:, : len(self._columns)]
-        return self._filter.update((slopes, spread), self._given(table), self._reads, self._columns)
+        return self._filter.update(
+            (slopes, spread), self._sample_arguments(table), self._reads, self._columns
+        )
 
     def moved(
         self, update: Update, after: Expression, table: Expression
     ) -> tuple[Expression, Expression, Expression]:
         # What is left, at the end; what is remembered lasts.
-        given = self._given(table)
-        *left, information = update.parts(after)
-        slopes, spread = self._filter.moved(left, given, self._columns)
+        arguments = self._sample_arguments(table)
+        *belief, information = update.parts(after)
+        slopes, spread = self._filter.moved(belief, arguments, self._columns)
         if self.remembered:
-            own = self._state.shape[0]
-            values = ca.vertcat(ca.SX(own, 1), given[0][own:])
+            states = self._state.shape[0]
+            values = ca.vertcat(ca.SX(states, 1), arguments[0][states:])
             slopes = ca.horzcat(slopes, values)
         return slopes, spread, information
 
-    def _given(self, table: Expression) -> list[Expression]:
+    def _sample_arguments(self, table: Expression) -> list[Expression]:
         # States, with those remembered from now on, inputs, parameters, period.
         if not self.remembered:
             return [self._state, *self._held]
@@ -226,11 +228,11 @@ class _Step:
 
 
 def carry_of(problem: Problem, gathered: Expression | None = None, **options: Any) -> Carry:
-    """How sensitivities go through a part of a problem's drives.
+    """Return the rule by which sensitivities go through a part of a problem's drives.
 
     Args:
-        problem: whose drives.
-        gathered: by the part, where it says how.
+        problem: problem with the drives.
+        gathered: expression of what the part gathers, if it says how.
         options: `remembered` and `step` of `Carry`.
     """
     sensors = problem.measurement.joint_sensors
@@ -252,29 +254,29 @@ def estimated(problem: Problem) -> list[int]:
 
 
 def read_end(problem: Problem, held: Expression, state: Expression) -> Expression:
-    """Information of the readings at a run's last instant, in a state, `held` (inputs,) until then.
+    """Return the information of the readings at a run's last instant, (entries,).
 
     Args:
-        problem: that measures.
+        problem: problem with the measurement.
         held: inputs until then, (inputs,).
-        state: at that instant, (states,).
+        state: state at that instant, (states,).
     """
     sensors = problem.measurement.joint_sensors
     reads: list[float] = reads_of(sensors, problem.design.samples)[: len(sensors), -1].tolist()
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
         used = _filtering(problem)
-        state, *rest = _given(drive)
-        known = _known(used), used.remembering(state)
+        state, *rest = _sample_arguments(drive)
+        belief = _known_begin(used), used.remembering(state)
         # Where nothing follows no memory begins.
         now = ca.DM([*reads, *[0.0] * len(used.memories)])
-        rows = used.last(*known[0], known[1], *rest, now)[:, _columns(problem, used)]
+        rows = used.last(*belief[0], belief[1], *rest, now)[:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
 
 
 def cuts_of(problem: Problem) -> Cuts:
-    """How the information of a problem's drives adds up, of one where it does."""
+    """Return the rule by which the information of a problem's drives adds up, if it does."""
     cuts = measurement_cuts(problem.measurement, problem.design.samples)
     assert cuts is not None
     return cuts
@@ -287,12 +289,12 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     if cuts.regression is not None:
         blocks = cuts.regression.blocks(drive)
         if cuts.segment > 1:
-            return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
-        return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
+            return ca.vertcat(*(ca.vec(ca.densify(block.design_matrix)) for block in blocks))
+        return ca.vertcat(*(upper_half(block.design_matrix.T @ block.design_matrix) for block in blocks))
     if process_noise_of(problem.measurement.joint_sensors) is not None:
         used = _filtering(problem)
         columns = _columns(problem, used)
-        slopes, covariance, rows = used.period(*_known(used), *_given(drive), reads)
+        slopes, covariance, rows = used.period(*_known_begin(used), *_sample_arguments(drive), reads)
         slopes, rows = slopes[:, columns], rows[:, columns]
         return ca.vertcat(ca.vec(slopes), upper_half(covariance), upper_half(rows.T @ rows))
     count, states = len(problem.system.parameters), len(problem.system.states)
@@ -317,12 +319,12 @@ def _filtering(problem: Problem) -> Filter:
     return filter_of(tuple(sensors), problem.system, noise)
 
 
-def _given(drive: Drive) -> tuple[Expression, ...]:
+def _sample_arguments(drive: Drive) -> tuple[Expression, ...]:
     # State, inputs, parameters and period of a sample.
     return drive.states[0, :].T, drive.inputs[0, :].T, drive.parameters, drive.period
 
 
-def _known(used: Filter) -> tuple[Expression, ...]:
+def _known_begin(used: Filter) -> tuple[Expression, ...]:
     # What a filter begins with where the state is known.
     return tuple(map(ca.SX, used.begin))
 
@@ -335,12 +337,12 @@ def _columns(problem: Problem, used: Filter) -> list[int]:
 def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     # Information of what those sensors read at the first instant of a drive of one sample.
     sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
-    each, jacobian = joint_readings(sensors, drive)
+    readings, jacobian = joint_readings(sensors, drive)
     chosen = [*estimated(problem), *range(len(problem.system.parameters), jacobian.shape[1])]
     total, first = ca.SX(len(chosen), len(chosen)), 0
-    for place, (sensor, one) in enumerate(zip(sensors, each, strict=True)):
-        rows = range(first, first + one.shape[0] // len(sensor.columns(1)))
-        own = ca.sparsify(jacobian[list(rows), chosen])
-        total += reads[place] * (own.T @ own)
-        first += one.shape[0]
+    for place, (sensor, reading) in enumerate(zip(sensors, readings, strict=True)):
+        rows = range(first, first + reading.shape[0] // len(sensor.columns(1)))
+        slopes = ca.sparsify(jacobian[list(rows), chosen])
+        total += reads[place] * (slopes.T @ slopes)
+        first += reading.shape[0]
     return ca.densify(total)

@@ -16,15 +16,15 @@ from oed.optimize.terms.whole_rows import WholeRows
 
 
 class FixedRows:
-    """Those rows: their bounds, and how they are put together.
+    """Rows of limits on splines and on whole runs, with their bounds.
 
     Attributes:
-        bounds: of every limit's rows; none of limits on instants.
-        linear: whether each limit's rows are linear in z.
-        slope: of the linear ones, (rows, size).
-        constant: of the same.
-        whole: the others; None where there are none.
-        order: where the rows, limit by limit, stand among the linear ones and the others behind them.
+        bounds: bounds of every limit's rows; none of limits on instants.
+        linear: linearity in z of each limit's rows.
+        slope: derivatives of the linear rows, (rows, size).
+        constant: values of the linear rows where z is 0.
+        whole: rows of limits on whole runs, or None.
+        order: places of the rows, limit by limit, among linear rows and those of whole runs behind them.
     """
 
     def __init__(
@@ -33,25 +33,25 @@ class FixedRows:
         """Sort them.
 
         Args:
-            terms: what z is.
-            needs: of the limits.
+            terms: terms that say what z is.
+            needs: parts of a drive that the limits need.
             whole: rows of limits on whole runs, if there are any.
-            without: what the other limits are, which have none of these rows.
+            without: empty bounds of the other limits.
         """
         self.whole = whole
         tables = {place: self._table(terms, rows) for place, rows in needs.tables.items()}
-        self.slope = np.concatenate([np.zeros((0, terms.size)), *(one for one, _, _ in tables.values())])
-        self.constant = np.concatenate([np.zeros(0), *(one for _, one, _ in tables.values())])
-        known = {place: (bounds, True) for place, (_, _, bounds) in tables.items()}
+        self.slope = np.concatenate([np.zeros((0, terms.size)), *(part for part, _, _ in tables.values())])
+        self.constant = np.concatenate([np.zeros(0), *(part for _, part, _ in tables.values())])
+        sorted_rows = {place: (bounds, True) for place, (_, _, bounds) in tables.items()}
         if whole is not None:
-            own = zip(whole.bounds, whole.formulas.linear, strict=True)
-            known |= dict(zip(needs.whole, own, strict=True))
+            pairs = zip(whole.bounds, whole.formulas.linear, strict=True)
+            sorted_rows |= dict(zip(needs.whole, pairs, strict=True))
         owner = np.repeat(
-            np.array(list(known), dtype=int), [len(bounds.lower) for bounds, _ in known.values()]
+            np.array(list(sorted_rows), dtype=int), [len(bounds.lower) for bounds, _ in sorted_rows.values()]
         )
         self.order: list[int] = np.argsort(owner, kind="stable").tolist()
-        known |= {place: (one, True) for place, one in without.items()}
-        by_limit = [known[place] for place in sorted(known)]
+        sorted_rows |= {place: (part, True) for place, part in without.items()}
+        by_limit = [sorted_rows[place] for place in sorted(sorted_rows)]
         self.bounds, self.linear = [rows for rows, _ in by_limit], [linear for _, linear in by_limit]
 
     @staticmethod
@@ -63,8 +63,8 @@ class FixedRows:
         slope, constant = map(np.array, both(np.zeros(terms.size)))
         slope, constant = slope.reshape(-1, terms.size), constant.ravel()
         moved = np.array(ca.DM(ca.jacobian_sparsity(expression, terms.unknowns), 1.0)) != 0
-        kept = moved.reshape(-1, terms.size).any(axis=1)
+        distinct = moved.reshape(-1, terms.size).any(axis=1)
         if terms.embedding.repeats:
-            kept &= said_once(slope, constant, rows)
-        bounds = RowBounds(rows.lower[kept], rows.upper[kept], rows.size, rows.unit)
-        return slope[kept], constant[kept], bounds
+            distinct &= said_once(slope, constant, rows)
+        bounds = RowBounds(rows.lower[distinct], rows.upper[distinct], rows.size, rows.unit)
+        return slope[distinct], constant[distinct], bounds

@@ -60,7 +60,7 @@ class InstantRows:
         """
         system, space = problem.system, problem.design
         self.limits = tuple(limits)
-        state, held, asked = (
+        state, held, by_splines = (
             ca.SX.sym(name, count)
             for name, count in (
                 ("state", len(system.states)),
@@ -77,44 +77,53 @@ class InstantRows:
             held=ca.DM(scale) * held,
             parameters=ca.SX(ca.DM(system.nominal)),
             period=self._elapsed,
-            asked=ca.DM(scale) * (asked if splines else held),
+            asked=ca.DM(scale) * (by_splines if splines else held),
             fraction=ca.SX(1),
         )
-        each = {place: problem.limits[place].rows(instant) for place in limits}
-        own = [ca.densify(ca.vec(one.expression)) / one.size for one in each.values()]
-        rows = ca.vertcat(ca.SX(0, 1), *own)
-        self.asking = splines and bool(ca.depends_on(rows, asked))
-        self._given = [state, held, *([asked] if self.asking else [])]
-        self._unknowns = ca.vertcat(*self._given)
+        by_limit = {place: problem.limits[place].rows(instant) for place in limits}
+        shares = [
+            ca.densify(ca.vec(limit_rows.expression)) / limit_rows.size for limit_rows in by_limit.values()
+        ]
+        rows = ca.vertcat(ca.SX(0, 1), *shares)
+        self.asking = splines and bool(ca.depends_on(rows, by_splines))
+        self._variables = [state, held, *([by_splines] if self.asking else [])]
+        self._unknowns = ca.vertcat(*self._variables)
         self.size = int(self._unknowns.shape[0])
         self.weight = np.array([self._weight(row, state) for row in ca.vertsplit(rows)])
         self._rows = ca.cse(ca.DM(self.weight) * rows) if len(self.weight) else rows
-        self._bounded(each)
+        self._bounded(by_limit)
         self.known = int(state.shape[0] + held.shape[0])
         self._differentiated()
 
-    def _bounded(self, each: Mapping[int, Rows]) -> None:
+    def _bounded(self, by_limit: Mapping[int, Rows]) -> None:
         # What the rows of each limit, by its place, may be.
-        counts = [len(one.lower) for one in each.values()]
-        self.owner = np.repeat(np.array(list(each), dtype=int), counts)
+        counts = [len(limit_rows.lower) for limit_rows in by_limit.values()]
+        self.owner = np.repeat(np.array(list(by_limit), dtype=int), counts)
         nothing = np.zeros(0)
-        self.without = {place: RowBounds(nothing, nothing, one.size, one.unit) for place, one in each.items()}
-        scale = self.weight / np.repeat([one.size for one in each.values()], counts)
-        self.lower = scale * np.concatenate([nothing, *(one.lower for one in each.values())])
-        self.upper = scale * np.concatenate([nothing, *(one.upper for one in each.values())])
+        self.without = {
+            place: RowBounds(nothing, nothing, limit_rows.size, limit_rows.unit)
+            for place, limit_rows in by_limit.items()
+        }
+        scale = self.weight / np.repeat([limit_rows.size for limit_rows in by_limit.values()], counts)
+        self.lower = scale * np.concatenate(
+            [nothing, *(limit_rows.lower for limit_rows in by_limit.values())]
+        )
+        self.upper = scale * np.concatenate(
+            [nothing, *(limit_rows.upper for limit_rows in by_limit.values())]
+        )
 
     def _differentiated(self) -> None:
         # Of the one row that is chosen: its slope, and its second derivatives where it is bent.
         self._chosen, self._factor = ca.SX.sym("chosen", len(self.weight)), ca.SX.sym("factor")
         self._row = ca.dot(self._chosen, self._rows)
-        whole, self._slope = ca.hessian(self._row, self._unknowns)
-        bent = sorted(set(whole.sparsity().row()))
-        self.bent: list[int] = [one for one in bent if one < self.known]
-        asked_for = [one for one in bent if one >= self.known]
-        self.bent_asked = [one - self.known for one in asked_for]
-        across = whole[self.bent, asked_for]
+        matrix, self._slope = ca.hessian(self._row, self._unknowns)
+        bent = sorted(set(matrix.sparsity().row()))
+        self.bent: list[int] = [place for place in bent if place < self.known]
+        asked_for = [place for place in bent if place >= self.known]
+        self.bent_asked = [place - self.known for place in asked_for]
+        across = matrix[self.bent, asked_for]
         self.crossing = across.nnz() > 0
-        parts = [whole[self.bent, self.bent], whole[asked_for, asked_for], across]
+        parts = [matrix[self.bent, self.bent], matrix[asked_for, asked_for], across]
         self._curvature = [ca.densify(self._factor * part) for part in parts]
 
     def _weight(self, row: ca.SX, state: ca.SX) -> float:
@@ -168,17 +177,17 @@ class InstantRows:
         """
         if not len(elapsed):
             return np.zeros((0, self.count))
-        (found,) = mapped(self.all_rows, len(elapsed))(unknowns, elapsed)
-        return found.reshape(len(elapsed), self.count)
+        (flat,) = mapped(self.all_rows, len(elapsed))(unknowns, elapsed)
+        return flat.reshape(len(elapsed), self.count)
 
     def exceeded(self, rows: Expression) -> Expression:
-        """By how much rows (R, K) are exceeded, in shares of their limits' sizes."""
+        """Return the excess of rows (R, K), in shares of their limits' sizes."""
         upper, lower, weight = (
-            ca.repmat(ca.DM(one), 1, rows.shape[1]) for one in (self.upper, self.lower, self.weight)
+            ca.repmat(ca.DM(bound), 1, rows.shape[1]) for bound in (self.upper, self.lower, self.weight)
         )
         return ca.fmax(rows - upper, lower - rows) / weight
 
     def excess(self, rows: Array, which: Places | slice = slice(None)) -> Array:
-        """By how much values (..., R) of all rows, or (n,) of some, are exceeded, in such shares."""
+        """Return the excess of values (..., R) of all rows, or (n,) of some, in shares of limits' sizes."""
         above = np.maximum(rows - self.upper[which], self.lower[which] - rows)
         return np.asarray(above / self.weight[which])

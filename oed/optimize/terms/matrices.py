@@ -19,7 +19,7 @@ def upper_half(matrix: Expression) -> Expression:
 
 
 def upper_halves(matrices: Iterable[Expression]) -> Expression:
-    """Those of several matrices, stacked."""
+    """Return the upper halves of several matrices, stacked."""
     return ca.vertcat(*map(upper_half, matrices))
 
 
@@ -43,12 +43,12 @@ def symmetric_all(entries: Expression, sizes: Sequence[int]) -> list[Expression]
 
 def stacks(entries: Array, sizes: Sequence[int]) -> list[Array]:
     """Numeric matrices (K, p, p) of stacked entries (sum of p (p + 1) / 2, K), one for each size p."""
-    found, first = [], 0
+    matrices, first = [], 0
     for size in sizes:
         columns, rows = np.tril_indices(size)
         matrix = np.empty((entries.shape[1], size, size))
-        own = entries[first : first + len(rows)].T
-        matrix[:, rows, columns] = matrix[:, columns, rows] = own
-        found.append(matrix)
+        entries_of_one = entries[first : first + len(rows)].T
+        matrix[:, rows, columns] = matrix[:, columns, rows] = entries_of_one
+        matrices.append(matrix)
         first += len(rows)
-    return found
+    return matrices

@@ -36,7 +36,7 @@ class Needs:
 
 
 def needs_of(problem: Problem, bounding: Bounding) -> Needs:
-    """What a problem's limits need.
+    """Return the parts of a drive that a problem's limits need.
 
     Args:
         problem: whose limits.
@@ -67,20 +67,20 @@ def _on_splines(problem: Problem, limit: Limit, bounding: Bounding) -> Rows | No
 
 
 def by_instants(problem: Problem, limit: Limit) -> bool:
-    """Whether a limit's rows are those of every instant by itself, of the nominal robot alone."""
+    """Return whether a limit has rows of every instant by itself, of the nominal robot alone."""
     if limit.looks_at != "state" or (problem.robust is not None and isinstance(limit, PathLimit)):
         return False
     drive = _numbers(problem)
-    whole, *samples = (_table(limit, one) for one in (drive, *(_sample(drive, k) for k in range(SAMPLES))))
+    table, *samples = (_table(limit, part) for part in (drive, *(_sample(drive, k) for k in range(SAMPLES))))
     first = _table(limit, replace(_sample(drive, 0), path=drive.path[0, :]))
-    each, spare = samples[0].shape[1], whole.shape[1] - SAMPLES * samples[0].shape[1]
-    things = spare or each
-    if spare not in (0, first.shape[1]) or not things or each % things:
+    per_sample, spare = samples[0].shape[1], table.shape[1] - SAMPLES * samples[0].shape[1]
+    per_point = spare or per_sample
+    if spare not in (0, first.shape[1]) or not per_point or per_sample % per_point:
         return False
     parts = [first[:, :, None]] if spare else []
-    parts += [one.reshape(3, things, -1) for one in samples]
+    parts += [part.reshape(3, per_point, -1) for part in samples]
     together = np.concatenate(parts, axis=2).reshape(3, -1)
-    return bool(np.allclose(together, whole, rtol=1e-12, atol=0))
+    return bool(np.allclose(together, table, rtol=1e-12, atol=0))
 
 
 SAMPLES = 2

@@ -25,7 +25,7 @@ class RowBounds:
 
 
 def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
-    """Which of rows slopes @ z + constants, between bounds, say what none before them does.
+    """Return True for each row slopes @ z + constants, between bounds, that says what none before it does.
 
     Args:
         slopes: (rows, size).
@@ -35,9 +35,9 @@ def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
     size = np.abs(slopes).max(axis=1, initial=0.0)
     table = np.column_stack([slopes, constants, rows.lower, rows.upper])
     keys = np.round(table / np.where(size > 0, size, 1.0)[:, None], DIGITS) + 0.0
-    kept = np.zeros(len(table), dtype=bool)
-    kept[np.unique(keys, axis=0, return_index=True)[1]] = True
-    return kept
+    is_new = np.zeros(len(table), dtype=bool)
+    is_new[np.unique(keys, axis=0, return_index=True)[1]] = True
+    return is_new
 
 
 def excess(values: Expression, rows: RowBounds | Rows) -> Expression:
@@ -76,9 +76,11 @@ def _below(values: Expression, lower: Array) -> Expression:
 
 def _bounded(values: Expression, bounds: Array) -> tuple[Expression | None, Array]:
     # Those of the values that have a bound, or None, and their bounds: one where all have the same.
-    kept = np.isfinite(bounds)
-    if not kept.any():
+    finite = np.isfinite(bounds)
+    if not finite.any():
         return None, bounds
-    own = bounds[kept]
-    chosen = values if kept.all() else values[np.flatnonzero(kept).tolist()]
-    return chosen, own[:1] if (own == own[0]).all() else own
+    values_of_bounds = bounds[finite]
+    chosen = values if finite.all() else values[np.flatnonzero(finite).tolist()]
+    return chosen, values_of_bounds[:1] if (
+        values_of_bounds == values_of_bounds[0]
+    ).all() else values_of_bounds

@@ -24,7 +24,7 @@ class RunUnknowns:
 
     @classmethod
     def of(cls, embedding: Embedding, size: int) -> RunUnknowns:
-        """Of z with the inputs' unknowns first, and then as many of each run's start state.
+        """Return the runs' unknowns in a z with those of the inputs first, then as many of each start state.
 
         Args:
             embedding: what the inputs' unknowns are.
@@ -32,7 +32,7 @@ class RunUnknowns:
         """
         runs = embedding.space.runs
         started = (size - embedding.size) // runs
-        firsts = [own.start for own in embedding.slices]
+        firsts = [place.start for place in embedding.slices]
         blocks = zip(
             [*firsts, embedding.size], [*embedding.counts, started], [*embedding.shared, False], strict=True
         )
@@ -44,10 +44,10 @@ class RunUnknowns:
 
     @property
     def runs(self) -> int:
-        """How many."""
+        """Number of runs."""
         return len(self.places)
 
     @property
     def per_run(self) -> int:
-        """How many unknowns a run has."""
+        """Number of unknowns of a run."""
         return int(self.places.shape[1])

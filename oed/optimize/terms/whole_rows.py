@@ -28,11 +28,11 @@ class Formulas:
     """The limits' rows as expressions of states, inputs and unknowns that stand for themselves.
 
     Attributes:
-        rows: of every limit (SX).
-        states: how many there are at all samples' begins.
-        samples: at whose begins they look at states, counted through all runs, (K,).
-        needed: what they look at, as places in (states at all samples' begins, inputs held, z).
-        linear: whether each limit's rows are linear in the unknowns.
+        rows: rows of every limit (SX).
+        states: number of states at all samples' begins.
+        samples: samples at whose begins they look at states, counted through all runs, (K,).
+        needed: places of their variables in (states at all samples' begins, inputs held, z).
+        linear: linearity of each limit's rows in the unknowns.
     """
 
     def __init__(self, terms: Terms, limits: Sequence[int]) -> None:
@@ -44,12 +44,12 @@ class Formulas:
         parameters, period = ca.SX(ca.DM(robot.nominal)), ca.SX(space.period)
         states = []
         for run in range(space.runs):
-            own = begun[run * space.samples : (run + 1) * space.samples, :]
+            begins = begun[run * space.samples : (run + 1) * space.samples, :]
             # The first is where the run begins; behind the last one there is no sample.
-            known = ca.vertcat(terms.starts[run, :], own[1:, :])
+            states_at_samples = ca.vertcat(terms.starts[run, :], begins[1:, :])
             last = held[(run + 1) * space.samples - 1, :]
-            end = stepper(robot)(known[-1, :].T, last.T, parameters, period)
-            states.append(ca.horzcat(known.T, end))
+            end = stepper(robot)(states_at_samples[-1, :].T, last.T, parameters, period)
+            states.append(ca.horzcat(states_at_samples.T, end))
         drive = roll_out(
             robot,
             inputs=held,
@@ -61,102 +61,104 @@ class Formulas:
         )
         drive = splines_of(drive, terms.bounding)
         self.rows = [problem.limits[place].rows(drive) for place in limits]
-        self.stacked = ca.vertcat(*(ca.densify(one.expression) for one in self.rows))
-        given = ca.veccat(begun, held, terms.unknowns)
-        self.needed: list[int] = np.flatnonzero(ca.which_depends(self.stacked, given, 1, False)).tolist()
-        self.given = picked(given, self.needed)
+        self.stacked = ca.vertcat(*(ca.densify(limit.expression) for limit in self.rows))
+        variables = ca.veccat(begun, held, terms.unknowns)
+        self.needed: list[int] = np.flatnonzero(ca.which_depends(self.stacked, variables, 1, False)).tolist()
+        self.variables = picked(variables, self.needed)
         self.states, self._samples = int(begun.numel()), space.all_samples
         self.samples: Places = np.unique(self._of_begins % space.all_samples)
         by_unknowns = ca.veccat(terms.held, terms.unknowns)
         self.affine = ca.evalf(ca.jacobian(by_unknowns, terms.unknowns))
-        self.linear = [self._linear(one.expression, begun) for one in self.rows]
+        self.linear = [self._linear(limit.expression, begun) for limit in self.rows]
 
     @cached_property
     def of_states(self) -> tuple[Places, Places]:
-        """Which states they need, and at which of the samples, (n,) each."""
+        """States that the rows need, and places of their samples in `samples`, (n,) each."""
         places, count = self._of_begins, self._samples
         return places // count, np.searchsorted(self.samples, places % count)
 
     @property
     def _of_begins(self) -> Places:
-        return np.array([one for one in self.needed if one < self.states], dtype=np.int64)
+        return np.array([place for place in self.needed if place < self.states], dtype=np.int64)
 
     def _linear(self, rows: Expression, begun: Expression) -> bool:
         rows = ca.densify(rows)
-        return not (ca.depends_on(rows, ca.vec(begun)) or any(ca.which_depends(rows, self.given, 2, True)))
+        return not (
+            ca.depends_on(rows, ca.vec(begun)) or any(ca.which_depends(rows, self.variables, 2, True))
+        )
 
     @cached_property
     def pattern(self) -> ca.Sparsity:
-        """Which of what is given moves which row."""
-        return ca.jacobian_sparsity(self.stacked, self.given)
+        """Pattern of the rows by the variables."""
+        return ca.jacobian_sparsity(self.stacked, self.variables)
 
     @cached_property
     def values(self) -> ca.Function:
-        """Given -> rows."""
-        return ca.Function("whole", [self.given], [self.stacked])
+        """Variables -> rows."""
+        return ca.Function("whole", [self.variables], [self.stacked])
 
     def _gradient(self, rows: Expression) -> tuple[list[Expression], list[Expression]]:
-        # (given, weights of the rows) -> weights of what is given.
+        # (variables, weights of the rows) -> weights of the variables.
         weights = ca.SX.sym("weights", rows.shape[0])
-        return [self.given, weights], [ca.densify(ca.jtimes(rows, self.given, weights, True))]
+        return [self.variables, weights], [ca.densify(ca.jtimes(rows, self.variables, weights, True))]
 
     @cached_property
     def gradient(self) -> ca.Function:
-        """(given, weights of the rows) -> weights of what is given."""
+        """(variables, weights of the rows) -> weights of the variables."""
         return ca.Function("whole_gradient", *self._gradient(self.stacked))
 
     @cached_property
     def bent(self) -> ca.Function:
-        """(given, weights of the rows, a direction) -> derivatives of the gradient along it."""
+        """(variables, weights of the rows, a direction) -> derivatives of the gradient along it."""
         (_, weights), (gradient,) = self._gradient(self.stacked)
         direction = ca.SX.sym("direction", len(self.needed))
-        bent = ca.densify(ca.jtimes(gradient, self.given, direction))
-        return ca.Function("whole_bent", [self.given, weights, direction], [bent])
+        bent = ca.densify(ca.jtimes(gradient, self.variables, direction))
+        return ca.Function("whole_bent", [self.variables, weights, direction], [bent])
 
     @cached_property
     def inner(self) -> ca.Sparsity:
-        """Where second derivatives by what is given are not always 0."""
+        """Pattern of the second derivatives by the variables."""
         (_, _), (gradient,) = self._gradient(self.stacked)
-        return ca.jacobian_sparsity(gradient, self.given)
+        return ca.jacobian_sparsity(gradient, self.variables)
 
     @cached_property
     def colours(self) -> ca.Sparsity:
-        """Columns of these that no row has two of, together, (given, colours)."""
+        """Colours of its columns, of which no row has two, (variables, colours)."""
         return self.inner.uni_coloring()
 
 
 def picked(table: Expression, rows: Sequence[int]) -> Expression:
-    """Some rows of a table; none of them is a table too."""
+    """Return some rows of a table, which may be none."""
     return table[list(rows), :] if len(rows) else type(table)(0, table.shape[1])
 
 
 class WholeRows:
-    """Which of the rows there are, and their bounds.
+    """Rows of limits on whole runs that some unknown moves, with their bounds.
 
     Attributes:
-        formulas: the rows.
-        pattern: which unknowns move which row.
+        formulas: formulas of the rows.
+        pattern: pattern of the rows by the unknowns.
         kept: rows that some unknown moves.
-        bounds: of every limit's rows.
+        bounds: bounds of every limit's rows.
     """
 
     def __init__(self, formulas: Formulas, moved: Bools) -> None:
         """Leave out rows that nothing moves.
 
         Args:
-            formulas: the rows.
-            moved: which unknowns move the states at all samples' begins, (samples, states, size).
+            formulas: formulas of the rows.
+            moved: True where an unknown moves a state at a sample's begin, (samples, states, size).
         """
         self.formulas = formulas
         affine = ca.DM(formulas.affine.sparsity(), 1.0)
         by_states = moved.transpose(1, 0, 2).reshape(-1, moved.shape[2])
-        given = ca.vertcat(ca.sparsify(ca.DM(by_states.astype(float))), affine)
-        self.pattern = (ca.DM(formulas.pattern, 1.0) @ picked(given, formulas.needed)).sparsity()
+        moved_variables = ca.vertcat(ca.sparsify(ca.DM(by_states.astype(float))), affine)
+        self.pattern = (ca.DM(formulas.pattern, 1.0) @ picked(moved_variables, formulas.needed)).sparsity()
         self.kept: list[int] = sorted(set(self.pattern.row()))
-        kept = np.zeros(self.pattern.size1(), dtype=bool)
-        kept[self.kept] = True
+        is_moved = np.zeros(self.pattern.size1(), dtype=bool)
+        is_moved[self.kept] = True
         edges = np.cumsum([len(rows.lower) for rows in formulas.rows[:-1]], dtype=int)
         self.bounds = [
-            RowBounds(rows.lower[own], rows.upper[own], rows.size, rows.unit)
-            for rows, own in zip(formulas.rows, np.split(kept, edges), strict=True)
+            RowBounds(rows.lower[chosen], rows.upper[chosen], rows.size, rows.unit)
+            for rows, chosen in zip(formulas.rows, np.split(is_moved, edges), strict=True)
         ]
