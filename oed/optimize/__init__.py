@@ -43,9 +43,9 @@ def solve(
     """Return the best drive that `solver` (by default `Ipopt()`) finds for `problem`.
 
     Args:
-        problem: what to design for.
+        problem: problem to be solved.
         solver: a frozen set of options, e.g. `Ipopt(starts=12)`, or the name of one, "ipopt".
-        seed: of every random draw; the same seed gives the same design.
+        seed: seed of all random numbers; the same seed gives the same design.
         workers: processes, or a cluster; by default one per processor. Does not change the result.
         progress: informed how far the search is.
         earlier: solutions by name, for a solver that starts from one (`Ipopt(start_from=...)`).

@@ -13,7 +13,14 @@ from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.parts import Budget, Parts
-from oed.optimize.weights import Weights, best_weights, criterion_value, exceeds, exchanged_weights
+from oed.optimize.weights import (
+    Weights,
+    best_weights,
+    criterion_value,
+    exceeds,
+    exchanged_weights,
+    weights_by_budget,
+)
 
 NODES = 200
 """Relaxations that are solved by default: some seconds."""
@@ -66,9 +73,7 @@ def exact_weights(
         nodes: largest number of relaxations.
     """
     search = _BranchAndBound(criterion, parts, tuple(budgets), start)
-    upper = np.zeros(len(parts.readings))
-    for budget in budgets:
-        upper[list(budget.places)] = budget.upper
+    upper = weights_by_budget(budgets, len(parts.readings), lambda budget: budget.upper)
     return search.run(_Subset(np.zeros(len(upper)), upper), nodes if len(upper) <= SMALL else 1)
 
 
@@ -151,10 +156,8 @@ class _BranchAndBound:
         return weights, weight_bound(self.criterion, some, best.values, best.gradient, budgets)
 
     def _identifies(self, parts: Parts, budgets: Sequence[Budget]) -> bool:
-        # Whether even weights identify what the criterion asks for: else no choice of readings is any good.
-        even = np.zeros(len(parts.readings))
-        for budget in budgets:
-            even[list(budget.places)] = budget.even * budget.upper
+        # Where even weights do not identify the judged parameters, no choice of readings is any good.
+        even = weights_by_budget(budgets, len(parts.readings), lambda budget: budget.even * budget.upper)
         return bool(self.criterion.identifiable([parts.root(even)]))
 
 

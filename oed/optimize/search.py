@@ -30,10 +30,10 @@ from oed.optimize.results import LocalResult, announce_drive, is_better
 from oed.optimize.shared_search import SharedSearch
 from oed.optimize.solver import Context, earlier_design
 from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.perturbations import perturbed_design
 from oed.optimize.transcription.starting_points import (
     SCREENED,
     Screening,
-    perturbed,
     random_drives,
     screen,
     starting_points,
@@ -150,7 +150,9 @@ class IpoptSearch:
             self.context.progress.begin("perturb and solve again", count)
         for begun in range(0, count, ROUND):
             base, size = self.best.unknowns, min(ROUND, count - begun)
-            self._maximise([perturbed(self.local.design, base, rng) for _ in range(size)], perturbed=True)
+            self._maximise(
+                [perturbed_design(self.local.design, base, rng) for _ in range(size)], perturbed=True
+            )
         self._note_stage("perturbations")
 
     def _explore(self) -> None:

@@ -25,7 +25,7 @@ from oed.kernel.scorer import limits_exceeded
 from oed.kernel.selection import Selection
 from oed.kernel.solution import Solution, scored
 from oed.optimize.exact import Exact, exact_weights
-from oed.optimize.weights import Weights, best_weights, whole_weights
+from oed.optimize.weights import Weights, best_weights, weights_by_budget, whole_weights
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,9 +93,8 @@ _SELECTIONS: WeakKeyDictionary[Problem, dict[bytes, Selected | None]] = WeakKeyD
 
 def _select(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected | None:
     parts, budgets, costs = _budgeted_parts(problem, selection, trajectory)
-    criterion, largest = problem.objective, np.zeros(len(parts.readings))
-    for budget in budgets:
-        largest[list(budget.places)] = budget.upper
+    criterion = problem.objective
+    largest = weights_by_budget(budgets, len(parts.readings), lambda budget: budget.upper)
     if not criterion.identifiable([parts.root(largest)]):
         return None
     relaxed = best_weights(criterion, parts, budgets, costs)
@@ -177,9 +176,7 @@ def with_readings(problem: Problem, solution: Solution) -> Solution:
         weights = selected.parts.of_every_reading(selected.chosen.values)
     else:
         parts, budgets, costs = _budgeted_parts(problem, problem.selection, solution.trajectory)
-        even = np.zeros(len(parts.readings))
-        for budget in budgets:
-            even[list(budget.places)] = budget.even * budget.upper
+        even = weights_by_budget(budgets, len(parts.readings), lambda budget: budget.even * budget.upper)
         weights = parts.of_every_reading(spent_at_most(costs, even))
     trajectory = replace(solution.trajectory, weights=weights)
     evaluation = evaluate(problem, trajectory)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -64,10 +64,9 @@ def best_weights(
     if not criterion.concave:
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D, A, G or I")
-    even, most = np.empty((2, len(parts.readings)))
-    for budget in budgets:
-        most[list(budget.places)] = budget.upper
-        even[list(budget.places)] = np.minimum(budget.even, 1.0) * budget.upper
+    count = len(parts.readings)
+    most = weights_by_budget(budgets, count, lambda budget: budget.upper)
+    even = weights_by_budget(budgets, count, lambda budget: min(budget.even, 1.0) * budget.upper)
     start = _weights(criterion, parts, spent_at_most(costs, even))
     # Budgets for all of their readings leave no choice.
     open_budgets = [budget for budget in budgets if costs or budget.even < 1.0 - ROUNDING]
@@ -83,6 +82,20 @@ def best_weights(
         planes, key=lambda plane: weight_bound(criterion, parts, chosen, plane.gradient, budgets, costs)
     )
     return best if best.value > start.value else start
+
+
+def weights_by_budget(budgets: Sequence[Budget], count: int, values: Callable[[Budget], Array]) -> Array:
+    """Return weights of all readings (n,), set budget by budget; 0 for readings without a budget.
+
+    Args:
+        budgets: budgets of the readings.
+        count: number n of readings.
+        values: function from a budget to the weights of its readings.
+    """
+    weights = np.zeros(count)
+    for budget in budgets:
+        weights[list(budget.places)] = values(budget)
+    return weights
 
 
 @dataclass(frozen=True)
@@ -216,10 +229,10 @@ def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: S
     Raises:
         UserMistake: a total that whole readings cannot spend.
     """
-    chosen = np.zeros(len(weights))
-    for budget in budgets:
-        chosen[list(budget.places)] = _nearest(weights[list(budget.places)], budget)
-    return exchanged_weights(criterion, parts, chosen, budgets)
+    nearest = weights_by_budget(
+        budgets, len(weights), lambda budget: _nearest(weights[list(budget.places)], budget)
+    )
+    return exchanged_weights(criterion, parts, nearest, budgets)
 
 
 def exchanged_weights(

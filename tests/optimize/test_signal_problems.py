@@ -33,7 +33,8 @@ from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.chain import Frame
 from oed.optimize.transcription.coarse import FineGrid, SearchGrid
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starting_points import perturbed, random_drives, start_bounds
+from oed.optimize.transcription.perturbations import perturbed_design
+from oed.optimize.transcription.starting_points import random_drives, start_bounds
 from oed.robots.space import DesignSpace
 
 STEPS = (PiecewiseConstant(pieces=5), Constant(), Fourier(harmonics=2))
@@ -166,7 +167,7 @@ class TestTermsOfSignals:
         rng = np.random.default_rng(0)
         assert random_drives(design, np.ones(0), rng).shape == (0, design.terms.size)
         drawn = random_drives(design, np.ones(50), rng)
-        drawn = np.vstack([drawn, [perturbed(design, one, rng) for one in drawn]])
+        drawn = np.vstack([drawn, [perturbed_design(design, one, rng) for one in drawn]])
         first = design.terms.coefficient_count
         assert np.abs(drawn[:, first:]).max() <= 1
         for z in drawn[:50]:

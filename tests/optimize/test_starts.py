@@ -12,7 +12,8 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.limit import Limit, Rows
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.starting_points import perturbed, random_drives, start_bounds, starting_points
+from oed.optimize.transcription.perturbations import perturbed_design
+from oed.optimize.transcription.starting_points import random_drives, start_bounds, starting_points
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.space import DesignSpace
 
@@ -79,7 +80,7 @@ def test_amplitude_is_a_share_of_the_range_about_rest(design):
 def test_perturbed_drives_stay_within_the_bounds(design):
     rng = np.random.default_rng(1)
     base = random_drives(design, np.array([1.0]), rng)[0]
-    kicked = perturbed(design, base, rng)
+    kicked = perturbed_design(design, base, rng)
     assert_within_bounds(design, kicked)
     assert 0.01 < np.abs(kicked - base).max() < 1
 

@@ -23,6 +23,8 @@ FEW, MANY = 0.05, 0.4
 """Smallest and largest share of the unknowns that are drawn anew."""
 DELAY = 0.12
 """Standard deviation of the delay in the middle of a drive, as a share of its duration."""
+PERTURBATION = 0.15
+"""Standard deviation of the perturbation of a neighbour, as a share of each input's largest value."""
 ROUGHNESS = 0.15
 """Standard deviation of the noise added to a delayed drive, as a share of half of each range."""
 
@@ -52,8 +54,24 @@ def varied_design(design: DesignExpressions, unknowns: Array, rng: np.random.Gen
         size = ROUGHNESS * float(rng.integers(2))
         moved[:count] += size * half * rng.standard_normal(count)
     moved[count:] += size * rng.standard_normal(len(moved) - count)
-    moved[:count] = np.clip(moved[:count], low, high)
-    return np.clip(moved, *design.terms.own_bounds.T)
+    return _within_bounds(design, moved)
+
+
+def perturbed_design(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
+    """Return a neighbour of a design: every unknown perturbed, within the inputs' bounds.
+
+    Args:
+        design: expressions of the problem.
+        unknowns: unknowns z of the design, (size,).
+        rng: generator of the draws.
+    """
+    return _within_bounds(design, unknowns + PERTURBATION * rng.standard_normal(len(unknowns)))
+
+
+def _within_bounds(design: DesignExpressions, unknowns: Array) -> Array:
+    coefficients = unknowns[: design.terms.coefficient_count]
+    np.clip(coefficients, *design.coefficient_bounds.T, out=coefficients)
+    return np.clip(unknowns, *design.terms.own_bounds.T)
 
 
 def _warp(design: DesignExpressions, unknowns: Array, rng: np.random.Generator, *, together: bool) -> Array:

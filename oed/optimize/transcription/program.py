@@ -111,24 +111,26 @@ class _BuiltProgram:
     def __init__(self, chain: ChainRule, frame: Frame, options: dict[str, Any]) -> None:
         self.frame, self._program = frame, chain.program
         self._options = {**IPOPT_OPTIONS, **chain.derivatives, **options}
-        self._solvers: dict[tuple[float | None, float | None], ca.Function] = {}
-        self._warm: dict[float | None, ca.Function] = {}
+        self._solvers: dict[tuple[float | None, float | None, bool], ca.Function] = {}
 
-    def solver(self, barrier: float | None, tolerance: float | None) -> ca.Function:
-        key = barrier, tolerance
+    def solver(self, barrier: float | None, tolerance: float | None, *, warm: bool = False) -> ca.Function:
+        """Return the solver of the program, which is built at its first use.
+
+        Args:
+            barrier: first barrier parameter of Ipopt; None for its default.
+            tolerance: tolerance of Ipopt; None for the one in the options.
+            warm: True for a solver that continues an earlier solve.
+        """
+        key = barrier, tolerance, warm
         if key not in self._solvers:
             options = {**self._options, **_tolerances(tolerance)}
+            if warm:
+                most = min(WARM_ITERATIONS, options.get("ipopt.max_iter", WARM_ITERATIONS))
+                options |= {**WARM_OPTIONS, "ipopt.max_iter": most}
             if barrier is not None:
                 options["ipopt.mu_init"] = barrier
             self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, options)
         return self._solvers[key]
-
-    def warm(self, tolerance: float | None) -> ca.Function:
-        most = min(WARM_ITERATIONS, self._options.get("ipopt.max_iter", WARM_ITERATIONS))
-        if tolerance not in self._warm:
-            options = {**self._options, **WARM_OPTIONS, **_tolerances(tolerance), "ipopt.max_iter": most}
-            self._warm[tolerance] = ca.nlpsol("design", "ipopt", self._program, options)
-        return self._warm[tolerance]
 
 
 def _tolerances(tolerance: float | None) -> dict[str, float]:
@@ -251,7 +253,7 @@ class Program:
         place = slice(self.design.terms.size, None)
         auxiliary = np.clip(after.auxiliary, arguments["lbx"][place], arguments["ubx"][place])
         start = np.concatenate([arguments["x0"][: place.start], auxiliary])
-        warm = self._call(built.warm(tolerance), {**arguments, "x0": start, **multipliers})
+        warm = self._call(built.solver(None, tolerance, warm=True), {**arguments, "x0": start, **multipliers})
         if warm.return_status not in LED_NOWHERE:
             return warm
         cold = self._call(built.solver(None, None), arguments)

@@ -23,20 +23,21 @@ HUGE = 1e100
 """Size of a criterion above which it is scaled before its variance is taken, lest that overflow."""
 USUAL = (-1.0, 1.0)
 """Default range of start states in units other than m and rad that no limit bounds, SI."""
-PERTURBATION = 0.15
-"""Standard deviation of a perturbation, as a share of each input's largest value."""
 
 
-def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.Generator) -> Array:
+def random_drives(
+    design: DesignExpressions, amplitudes: Array, rng: np.random.Generator, centre: Array | None = None
+) -> Array:
     """Return the unknowns (K, size) of random drives: every input is uniform within a share of its range.
 
     Args:
         design: expressions of the problem.
         amplitudes: shares of the inputs' ranges, (K,).
         rng: generator of the draws.
+        centre: coefficients at amplitude 0; by default those closest to 0 within the ranges.
     """
     low, high = design.coefficient_bounds.T
-    centre = np.clip(0.0, low, high)
+    centre = np.clip(0.0, low, high) if centre is None else centre
     draws = rng.uniform(low, high, (len(amplitudes), len(centre)))
     coefficients = centre + amplitudes[:, None] * (draws - centre)
     coefficients = design.terms.embedding.within(coefficients, design.ranges)
@@ -160,12 +161,7 @@ def varied_starts(
 def _about_middle(design: DesignExpressions, rng: np.random.Generator) -> Array:
     # Inputs that cannot be negative have their zero at an end of their range, where little can be separated.
     low, high = design.coefficient_bounds.T
-    middle, share = (low + high) / 2, rng.uniform(SMALL, 1.0)
-    drawn = middle + share * (rng.uniform(low, high) - middle)
-    coefficients = design.terms.embedding.within(drawn[None, :], design.ranges)[0]
-    if design.terms.size == len(coefficients):
-        return np.asarray(coefficients)
-    return np.concatenate([coefficients, random_starts(design, 1, rng)[0]])
+    return np.asarray(random_drives(design, rng.uniform(SMALL, 1.0, 1), rng, (low + high) / 2)[0])
 
 
 def _merit(values: Array, violations: Array) -> Array:
@@ -180,17 +176,3 @@ def _merit(values: Array, violations: Array) -> Array:
     spread = float(values[finite].std()) or 1.0
     scores = np.where(finite, (values - values[finite].mean()) / spread, -1e3)
     return np.asarray(scores - DISCOUNT * violations.sum(axis=1))
-
-
-def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
-    """Return a neighbour of a design: every coefficient perturbed, within the inputs' bounds.
-
-    Args:
-        design: expressions of the problem.
-        unknowns: unknowns z of the design, (size,).
-        rng: generator of the draws.
-    """
-    moved: Array = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))
-    head = moved[: design.terms.coefficient_count]
-    np.clip(head, *design.coefficient_bounds.T, out=head)
-    return np.clip(moved, *design.terms.own_bounds.T)
