@@ -190,8 +190,8 @@ def largest_squares(lengths: Array, budget: float) -> float:
     """
     longest = np.sort(lengths)[::-1]
     before = np.concatenate([[0.0], np.cumsum(longest)[:-1]])
-    taken = np.clip(budget - before, 0.0, longest)
-    return float((taken**2).sum())
+    spent = np.clip(budget - before, 0.0, longest)
+    return float((spent**2).sum())
 
 
 def direction_bound(

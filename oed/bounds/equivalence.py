@@ -268,8 +268,8 @@ class _PointSearch:
         sizes = np.sqrt(np.abs(self.matrices).max(axis=0)) + np.finfo(float).tiny
         scaled = self.matrices / (sizes.diagonal()[:, None] * sizes.diagonal())
         for place in np.argsort(-weights)[: int(present.sum())].tolist():
-            same = np.abs(scaled[chosen] - scaled[place]).max(axis=(1, 2), initial=0.0) <= SAME
-            if len(chosen) < MOST and not np.any(same & (self.groups[chosen] == self.groups[place])):
+            is_duplicate = np.abs(scaled[chosen] - scaled[place]).max(axis=(1, 2), initial=0.0) <= SAME
+            if len(chosen) < MOST and not np.any(is_duplicate & (self.groups[chosen] == self.groups[place])):
                 chosen.append(place)
         return np.array(sorted(chosen))
 

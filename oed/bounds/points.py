@@ -51,8 +51,8 @@ class Points:
         if count in GRID:
             axes = [np.linspace(*ends, GRID[count]) for ends in zip(self.low, self.high, strict=True)]
             return np.array(list(product(*axes)))
-        drawn = scipy.stats.qmc.Sobol(count, scramble=False).random(DRAWN)
-        return np.asarray(self.low + (self.high - self.low) * drawn)
+        unit_points = scipy.stats.qmc.Sobol(count, scramble=False).random(DRAWN)
+        return np.asarray(self.low + (self.high - self.low) * unit_points)
 
 
 def points_of(problem: Problem) -> Points | None:

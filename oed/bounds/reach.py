@@ -119,9 +119,9 @@ def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
     function = ca.Function("change", [state, inputs, parameters, period], [following, change])
     low, high = problem.input_bounds.T
     for _ in range(20):
-        drawn = rng.uniform(-1, 1, states), rng.uniform(low, high), nominal, rng.uniform(0.5, 2)
-        now, changed = (np.array(result).ravel() for result in function(*drawn))
-        expected = np.concatenate([now[:2], np.zeros(states - 2)])
-        if not np.allclose(changed, expected, rtol=1e-9, atol=1e-12 + 1e-9 * np.abs(now).max()):
+        point = rng.uniform(-1, 1, states), rng.uniform(low, high), nominal, rng.uniform(0.5, 2)
+        end, end_change = (np.array(result).ravel() for result in function(*point))
+        expected = np.concatenate([end[:2], np.zeros(states - 2)])
+        if not np.allclose(end_change, expected, rtol=1e-9, atol=1e-12 + 1e-9 * np.abs(end).max()):
             return False
     return True

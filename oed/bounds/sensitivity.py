@@ -92,16 +92,16 @@ class MotionSensitivity:
     """Largest sensitivity of the motion to the parameters.
 
     Attributes:
-        turned: derivatives of the turn in a period by the scaled parameters, at corners of the inputs'
+        turn_slopes: derivatives of the turn in a period by the scaled parameters, at corners of the inputs'
             bounds, (N, corners, p).
-        moved: derivatives of the length of a period's path, (N, corners, p).
+        length_slopes: derivatives of the length of a period's path, (N, corners, p).
         lengths: length of the longest path up to every sample, (N + 1,).
         across: longest arm.
         period: sample period [s].
     """
 
-    turned: Array
-    moved: Array
+    turn_slopes: Array
+    length_slopes: Array
     lengths: Array
     across: float
     period: float
@@ -114,13 +114,18 @@ class MotionSensitivity:
             precisions: precisions of the sensors.
             reference: sample whose pose counts as known.
         """
-        samples = len(self.turned)
-        turned, moved = np.abs(self.turned @ factor.T), np.abs(self.moved @ factor.T)
-        turns = np.linalg.norm(turned, axis=2).max(axis=1)
-        so_far, every = np.concatenate([[0.0], np.cumsum(turns)]), np.arange(samples + 1)
+        samples = len(self.turn_slopes)
+        turn_slopes, length_slopes = (
+            np.abs(self.turn_slopes @ factor.T),
+            np.abs(self.length_slopes @ factor.T),
+        )
+        turns = np.linalg.norm(turn_slopes, axis=2).max(axis=1)
+        so_far, indices = np.concatenate([[0.0], np.cumsum(turns)]), np.arange(samples + 1)
         heading = np.abs(so_far - so_far[reference])
-        chunks: list[Places] = np.array_split(every, samples // CHUNK + 1)
-        place = np.concatenate([self._displaced(turned, moved, chunk, reference) for chunk in chunks])
+        chunks: list[Places] = np.array_split(indices, samples // CHUNK + 1)
+        place = np.concatenate(
+            [self._displaced(turn_slopes, length_slopes, chunk, reference) for chunk in chunks]
+        )
         total = 0.0
         for precision in precisions:
             read = precision.sensor.columns(samples)
@@ -131,9 +136,9 @@ class MotionSensitivity:
                 total += precision.heading * float((heading[read] ** 2).sum())
         return total
 
-    def _displaced(self, turned: Array, moved: Array, samples: Places, reference: int) -> Array:
+    def _displaced(self, turn_slopes: Array, length_slopes: Array, samples: Places, reference: int) -> Array:
         # Upper bounds on the displacements of the positions at some samples.
-        periods = np.arange(len(turned))
+        periods = np.arange(len(turn_slopes))
         later = samples[:, None] > reference
         ends = np.where(later, self.lengths[:-1], self.lengths[1:])
         arms = np.minimum(np.abs(self.lengths[samples][:, None] - ends), self.across)
@@ -143,10 +148,10 @@ class MotionSensitivity:
             (periods < reference) & (periods >= samples[:, None]),
         )
         squares = [
-            (moved[:, corner] ** 2).sum(axis=1)
-            + 2 * arms * (moved[:, corner] * turned[:, corner]).sum(axis=1)
-            + arms**2 * (turned[:, corner] ** 2).sum(axis=1)
-            for corner in range(turned.shape[1])
+            (length_slopes[:, corner] ** 2).sum(axis=1)
+            + 2 * arms * (length_slopes[:, corner] * turn_slopes[:, corner]).sum(axis=1)
+            + arms**2 * (turn_slopes[:, corner] ** 2).sum(axis=1)
+            for corner in range(turn_slopes.shape[1])
         ]
         return np.asarray(np.where(between, np.sqrt(np.max(squares, axis=0)), 0.0).sum(axis=1))
 
@@ -221,8 +226,8 @@ def _slopes(problem: Problem, estimation: Estimation) -> tuple[Array, Array] | N
     low, high = problem.input_bounds.T
     for _ in range(DRAWS):
         point = rng.uniform(low, high), nominal * rng.uniform(0.9, 1.1, len(nominal))
-        off, slip, *_ = (np.array(part) for part in function(*point))
-        if np.abs(off).max() > 1e-9 * np.abs(high).max() or slip.any():
+        deviation, slip, *_ = (np.array(part) for part in function(*point))
+        if np.abs(deviation).max() > 1e-9 * np.abs(high).max() or slip.any():
             return None
     turn, forward = (np.array(part) for part in function(high, nominal)[2:])
     names = [entry.name for entry in robot.parameters]
@@ -236,8 +241,8 @@ def _reads_parameters(problem: Problem, sensor: Sensor) -> bool:
         return False
     system = robot_of(problem.system)
     function, rng = moment_reading(sensor, system), np.random.default_rng(0)
-    drawn = [rng.uniform(0.5, 1.5, function.size_in(place)) for place in range(6)]
-    drawn[1] = np.zeros(function.size_in(1))
-    drawn[3] = np.array(system.nominal)
-    rows = np.array(function(*drawn)[1])[: len(system.parameters)]
+    arguments = [rng.uniform(0.5, 1.5, function.size_in(place)) for place in range(6)]
+    arguments[1] = np.zeros(function.size_in(1))
+    arguments[3] = np.array(system.nominal)
+    rows = np.array(function(*arguments)[1])[: len(system.parameters)]
     return bool(rows.any())

@@ -132,18 +132,18 @@ def _certificate_by_search(
     lowest = min((bound.value for bound in bounds), default=-np.inf)
     bounds += [bound for bound in widened if bound.value < lowest]
     # Some of the readings have no more information than all of them.
-    every = () if problem.selection is None else (EVERY,)
-    every = every if original is problem else (*every, STEADY)
+    common = () if problem.selection is None else (EVERY,)
+    common = common if original is problem else (*common, STEADY)
     return replace(
         _smallest_certificate(
             problem,
             bounds,
-            (*every, *EXACTLY),
+            (*common, *EXACTLY),
             lattice,
             NOTHING if bounds else _missing_bound_reason(problem),
         ),
         drive=None if lattice is None else _lattice_drive(problem, lattice),
-        widened=_smallest_certificate(problem, widened, (*every, *TOLERATED), lattice),
+        widened=_smallest_certificate(problem, widened, (*common, *TOLERATED), lattice),
     )
 
 
@@ -188,8 +188,10 @@ def _missing_bound_reason(problem: Problem) -> str:
         replace(problem, robust=None, limits=(*problem.limits, hall))
     ):
         return ROOMLESS
-    same = E(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
-    return OF_E if _objective_bounds(replace(problem, robust=None, criterion=same)) else NOTHING
+    smallest_eigenvalue = E(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
+    return (
+        OF_E if _objective_bounds(replace(problem, robust=None, criterion=smallest_eigenvalue)) else NOTHING
+    )
 
 
 def _objective_bounds(problem: Problem) -> list[Bound]:
@@ -212,8 +214,8 @@ def _trace_bounds(problem: Problem, generators: Sequence[Generator]) -> list[Bou
     by_start = []
     for start, count in starts.items():
         design = space.model_copy(update={"runs": 1, "start": start})
-        single = replace(problem, robust=None, design=design)
-        run_bounds = [bound for bounds in generators for bound in bounds(single)]
+        single_run = replace(problem, robust=None, design=design)
+        run_bounds = [bound for bounds in generators for bound in bounds(single_run)]
         # Bounds without a Z do not add up.
         added = [bound for bound in run_bounds if bound.multiplier is not None]
         by_start.append([replace(bound, value=count * bound.value) for bound in added])

@@ -62,12 +62,12 @@ def largest_spread(low: float, high: float, start: float | None, steps: Array, r
     farthest = int(np.abs(shifts).max())
     for index, taken in enumerate(read):
         more = farthest if taken else 0
-        moved = np.full((len(values), table.shape[1] + 2 * more), -np.inf)
+        next_table = np.full((len(values), table.shape[1] + 2 * more), -np.inf)
         for row, (value, shift) in enumerate(zip(values, shifts, strict=True)):
             best = np.maximum.reduce(table[lows[row] : highs[row]] if index else table[row : row + 1], axis=0)
             begin = more + int(shift) if taken else 0
-            moved[row, begin : begin + len(best)] = best + (value**2 if taken else 0.0)
-        table = moved
+            next_table[row, begin : begin + len(best)] = best + (value**2 if taken else 0.0)
+        table = next_table
     best = table.max(axis=0)
     sums = (np.arange(len(best)) - len(best) // 2) * grain
     rounding = readings * grain / 2

@@ -98,7 +98,7 @@ def violation_probability(
     values = require_spread(problem.uncertain_system).draws(draws, seed, stream)
     if not limits:
         return Violation(0.0, interval_of(0, draws, drives), draws, seed, {}, 0.0, values[:0])
-    excess, certain = _excess(problem, limits, trajectory, values)
+    excess, is_proved = _excess(problem, limits, trajectory, values)
     beyond = excess > TOLERANCE
     any_violated = beyond.any(axis=1)
     farthest = excess.max(axis=1)
@@ -111,7 +111,9 @@ def violation_probability(
         by_limit={limit.name: float(share) for limit, share in zip(limits, beyond.mean(axis=0), strict=True)},
         farthest=max(0.0, float(farthest.max())),
         worst=values[order],
-        checked_at_points=tuple(limit.name for limit, sure in zip(limits, certain, strict=True) if not sure),
+        checked_at_points=tuple(
+            limit.name for limit, sure in zip(limits, is_proved, strict=True) if not sure
+        ),
     )
 
 
@@ -216,17 +218,17 @@ def _excess(
     # close to a limit at the samples, and for the worst draws.
     spread = require_spread(problem.uncertain_system)
     robots = _Robots(trajectory, spread.parameter_values(values), trajectory.starts + spread.shifts(values))
-    excess, further = _at_points(problem, tuple(limits), robots)
-    undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
+    excess, between = _at_points(problem, tuple(limits), robots)
+    is_undecided = (excess <= TOLERANCE) & (between > TOLERANCE)
     worst = np.argsort(-excess.max(axis=1), kind="stable")[:WORST]
-    certain = np.ones(len(limits), dtype=bool)
+    is_proved = np.ones(len(limits), dtype=bool)
     for place, limit in enumerate(limits):
-        wanted = np.union1d(np.flatnonzero(undecided[:, place]), worst)
-        for some in np.array_split(wanted, -(-len(wanted) // BATCH)):
-            selected, at_samples = robots.chosen(some), excess[some, place]
-            excess[some, place], sure = _between(problem, limit, selected, at_samples, np.isin(some, worst))
-            certain[place] &= sure
-    return excess, certain
+        draws = np.union1d(np.flatnonzero(is_undecided[:, place]), worst)
+        for batch in np.array_split(draws, -(-len(draws) // BATCH)):
+            selected, at_samples = robots.chosen(batch), excess[batch, place]
+            excess[batch, place], sure = _between(problem, limit, selected, at_samples, np.isin(batch, worst))
+            is_proved[place] &= sure
+    return excess, is_proved
 
 
 def _between(
@@ -256,9 +258,9 @@ def _at_points(
     batches = []
     for first in range(0, len(robots.parameters), BATCH):
         batch = robots.chosen(slice(first, first + BATCH))
-        begun, period = batch.starts.transpose(0, 2, 1), np.array(trajectory.period)
-        (excess,) = mapped(function, len(begun), 0, 3)(trajectory.inputs.T, begun, batch.parameters, period)
-        batches.append(excess.reshape(len(begun), -1))
+        starts, period = batch.starts.transpose(0, 2, 1), np.array(trajectory.period)
+        (excess,) = mapped(function, len(starts), 0, 3)(trajectory.inputs.T, starts, batch.parameters, period)
+        batches.append(excess.reshape(len(starts), -1))
     simulated = np.concatenate(batches)
     return simulated[:, 0::2].copy(), simulated[:, 1::2]
 

@@ -161,10 +161,10 @@ def _back_off(
     width = len(spread.system.parameters) + len(spread.system.states)
     parts = []
     for run in range(drive.runs):
-        moved = _back_off_function(limit, spread, robust, size, drive.first_run + run).map(points)
+        amount = _back_off_function(limit, spread, robust, size, drive.first_run + run).map(points)
         path = drive.path[run * points : (run + 1) * points, :].T
         slopes = drive.path_sensitivities[:, run * points * width : (run + 1) * points * width]
-        parts.append(moved(path, slopes))
+        parts.append(amount(path, slopes))
     return ca.vec(ca.horzcat(*parts).T)
 
 

@@ -146,10 +146,12 @@ class UncertainQuantities:
             seed: seed of the draws.
             stream: stream of the draws; streams of a seed are independent.
         """
-        flat, bell = (np.random.default_rng([seed, STREAM, stream, kind]) for kind in (0, 1))
-        values = flat.uniform(self.low, self.high, (count, len(self.names)))
+        uniform_generator, normal_generator = (
+            np.random.default_rng([seed, STREAM, stream, kind]) for kind in (0, 1)
+        )
+        values = uniform_generator.uniform(self.low, self.high, (count, len(self.names)))
         factor, normal = np.linalg.cholesky(self.covariance), ~self.uniform
-        errors = bell.standard_normal((count, len(self.names))) @ factor.T
+        errors = normal_generator.standard_normal((count, len(self.names))) @ factor.T
         values[:, normal] = (self.nominal + errors)[:, normal]
         return np.asarray(values)
 
@@ -198,8 +200,8 @@ class UncertainQuantities:
         states = len(self.system.states)
         offsets = (values - self.nominal)[:, self.parameters :]
         table = np.zeros((len(values), self.runs, states))
-        wanted = self._start_columns
-        table[:, :, wanted] = offsets.reshape(len(values), self.runs, len(wanted))
+        columns = self._start_columns
+        table[:, :, columns] = offsets.reshape(len(values), self.runs, len(columns))
         return table
 
     @property
@@ -242,16 +244,16 @@ def spread_of(system: UncertainSystem) -> UncertainQuantities | None:
         ranges[name] = middle - square**0.5, middle + square**0.5
     parameter_names = [parameter.name for parameter in base.parameters if parameter.name in ranges]
     starts = [name for name in _start_units(base) if name in ranges]
-    every = [*parameter_names, *starts * runs]
-    if not every:
+    all_names = [*parameter_names, *starts * runs]
+    if not all_names:
         return None
-    ends = np.array([ranges[name] for name in every])
-    nominal, units = zip(*(quantities[name] for name in every), strict=True)
-    flat = uncertainty is not None and uncertainty.distribution == "uniform"
-    uniform = np.array([flat and name in named for name in every])
+    ends = np.array([ranges[name] for name in all_names])
+    nominal, units = zip(*(quantities[name] for name in all_names), strict=True)
+    is_uniform = uncertainty is not None and uncertainty.distribution == "uniform"
+    uniform = np.array([is_uniform and name in named for name in all_names])
     square = np.ptp(ends, axis=1) ** 2 / 12 + (ends.mean(axis=1) - nominal) ** 2
     moments = np.diag(np.where(uniform, square, (ends[:, 1] - nominal) ** 2))
-    places = [every.index(name) for name in prior_names]
+    places = [all_names.index(name) for name in prior_names]
     moments[np.ix_(places, places)] = covariance
     return UncertainQuantities(
         names=(*parameter_names, *(_start_name(name, run) for run in range(runs) for name in starts)),
