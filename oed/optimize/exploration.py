@@ -114,8 +114,8 @@ class Exploration:
     iterations: int = 0
     solves: int = 0
     rounds: int = 0
-    _risen: int = 0
-    _again: int = 0
+    _solves_to_best: int = 0
+    _repeats: int = 0
     _tallies: dict[float, tuple[int, int]] = field(
         default_factory=lambda: dict(zip(BARRIERS, SUPPOSED, strict=True))
     )
@@ -140,10 +140,10 @@ class Exploration:
     @property
     def done(self) -> bool:
         """True where the budget is spent, or the best design was found often enough."""
-        lost = not self.elite and self.solves >= HOPELESS
+        hopeless = not self.elite and self.solves >= HOPELESS
         enough = self.iterations >= LEAST and self.spent >= SHARE * self.budget
-        often = enough and self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
-        return self.spent >= self.budget or often or lost
+        often = enough and self._repeats >= AGAIN and self.solves >= 1.5 * self._solves_to_best
+        return self.spent >= self.budget or often or hopeless
 
     def next_round(self) -> list[Attempt]:
         """Return the attempts of the next round: perturbed designs and one new start, or new starts alone."""
@@ -171,19 +171,19 @@ class Exploration:
             solves, iterations = self._tallies[attempt.barrier]
             self._tallies[attempt.barrier] = solves + 1, iterations + sketch.iterations
         if np.isfinite(sketch.objective):
-            self._join(sketch)
+            self._add_to_elite(sketch)
 
-    def _join(self, sketch: LocalResult) -> None:
+    def _add_to_elite(self, sketch: LocalResult) -> None:
         value, size = sketch.objective, DIFFERENT * abs(sketch.objective)
         best = self.elite[0].objective if self.elite else -np.inf
-        self._again += abs(value - best) <= size
+        self._repeats += abs(value - best) <= size
         similar = [optimum for optimum in self.elite if abs(optimum.objective - value) <= size]
         if any(optimum.objective >= value for optimum in similar):
             return
         different = [optimum for optimum in self.elite if optimum not in similar]
         self.elite = sorted([*different, sketch], key=lambda optimum: -optimum.objective)[:ELITE]
         if value > best + size:
-            self._risen, self._again = self.solves, 0
+            self._solves_to_best, self._repeats = self.solves, 0
 
     @property
     def worth_finishing(self) -> list[LocalResult]:

@@ -23,7 +23,7 @@ from oed.kernel.solution import Status
 from oed.optimize.exchange import Exchange
 from oed.optimize.ipopt_options import IpoptOptions
 from oed.optimize.lower_level import Instants
-from oed.optimize.results import LocalResult, Round, best_round, is_better, result_of
+from oed.optimize.results import LocalResult, Round, best_round, is_better, local_result
 from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT
 from oed.optimize.transcription.coarse import SearchGrid
@@ -83,7 +83,7 @@ class LocalSearch:
         return self._program(self._objective.maximised, self._objective.floors)
 
     @cached_property
-    def _second(self) -> Program:
+    def _second_program(self) -> Program:
         floors = ca.vertcat(self._objective.floors, self._objective.maximised)
         if self.options.second_stage == "shortest_path":
             softening = max(0.01 * self.problem.model.speed_of(self.design.terms.input_scale), 1e-6)
@@ -103,7 +103,7 @@ class LocalSearch:
         )
 
     @cached_property
-    def _finer(self) -> LocalSearch:
+    def _finer_search(self) -> LocalSearch:
         return LocalSearch(self.problem, self.options, self.deadline, FINER * self.refine)
 
     @property
@@ -112,7 +112,7 @@ class LocalSearch:
         return np.zeros(self._objective.floors.shape[0])
 
     @cached_property
-    def _sketching(self) -> Exchange | None:
+    def _sketch_exchange(self) -> Exchange | None:
         # On a coarse grid, limits are imposed at the ends of all samples at once: this leads to better drives
         # than adding instants step by step, and sketches need no limits between samples.
         exchange = Exchange(self.design.terms.problem, self.design.terms)
@@ -120,8 +120,8 @@ class LocalSearch:
 
     def first_instants(self, *, sketching: bool = False) -> Instants:
         """Return the first instants of a search or of a sketch."""
-        if sketching and self._sketching is not None:
-            return self._sketching.at_samples()
+        if sketching and self._sketch_exchange is not None:
+            return self._sketch_exchange.at_samples()
         return self.exchange.first_instants()
 
     def maximise(self, unknowns: Array, barrier: float | None = None) -> LocalResult:
@@ -161,7 +161,7 @@ class LocalSearch:
             unknowns: first values of z, (n,).
             barrier: first barrier parameter, see `Program.solve`.
         """
-        began, nothing, exchange = time.perf_counter(), self.grid.no_correction, self._sketching
+        began, nothing, exchange = time.perf_counter(), self.grid.no_correction, self._sketch_exchange
         options: dict[str, Any] = {
             "floors": self.no_floors,
             "barrier": barrier,
@@ -209,18 +209,18 @@ class LocalSearch:
         second: bool = False,
     ) -> LocalResult:
         # A drive that is not finite ends a search, but earlier rounds still count.
-        began, rounds, broken = time.perf_counter(), list[Round](), ""
+        began, rounds, failure = time.perf_counter(), list[Round](), ""
         try:
             for solve in self._rounds(unknowns, floors, corrections, barrier, second=second):
                 rounds.append(solve)
         except NotFinite as error:
-            broken = str(error)
+            failure = str(error)
         seconds = time.perf_counter() - began
         if not rounds:
-            return LocalResult(unknowns, 0, seconds, Status.FAILED, reason=broken)
+            return LocalResult(unknowns, 0, seconds, Status.FAILED, reason=failure)
         place = best_round(rounds)
         gains = {} if second else self.gains(rounds[place][0])
-        return replace(result_of(rounds, place, seconds, broken), gains=gains)
+        return replace(local_result(rounds, place, seconds, failure), gains=gains)
 
     def _rounds(
         self,
@@ -232,7 +232,7 @@ class LocalSearch:
         second: bool,
     ) -> Iterator[Round]:
         # Solves under ever tighter limits, each with the scores of its drive.
-        program = self._second if second else self.program
+        program = self._second_program if second else self.program
         backoff, instants = np.zeros(len(self.problem.limits)), self.first_instants()
         after: IpoptOutcome | None = None
         for _ in range(ROUNDS):
@@ -247,13 +247,13 @@ class LocalSearch:
             yield outcome, evaluation
             excess = self._excess(evaluation)
             # A second stage that fails under tighter limits has no freedom left.
-            lost = not outcome.succeeded and (second or excess.max() > HOPELESS)
+            hopeless = not outcome.succeeded and (second or excess.max() > HOPELESS)
             satisfied = not (excess.any() or self._is_misled(unknowns, corrections, evaluation))
-            if lost or satisfied or time.time() > self.deadline:
+            if hopeless or satisfied or time.time() > self.deadline:
                 return
             slipped = self.refine < FINEST and bool(np.any(excess[self._at_points] > SLIPPED))
             if outcome.succeeded and slipped:
-                yield from self._finer._rounds(unknowns, floors, corrections, second=second)
+                yield from self._finer_search._rounds(unknowns, floors, corrections, second=second)
                 return
             before, more = backoff, self._missed_instants(instants, drive, excess)
             backoff = np.where(self._at_instants, 0.0, np.minimum(backoff + 1.1 * excess, NARROWEST))
@@ -302,11 +302,11 @@ class LocalSearch:
             corrections: corrections of the grid.
             options: further arguments of `Program.solve`.
         """
-        begun = self._objective.initial(self._matrices(unknowns, corrections))
-        free = np.full(len(begun), np.inf)
+        first = self._objective.initial(self._matrices(unknowns, corrections))
+        free = np.full(len(first), np.inf)
         return program.solve(
             unknowns,
-            np.concatenate([begun, corrections]),
+            np.concatenate([first, corrections]),
             auxiliary_lower=np.concatenate([-free, corrections]),
             auxiliary_upper=np.concatenate([free, corrections]),
             **options,

@@ -87,7 +87,7 @@ def best_round(rounds: Sequence[Round]) -> int:
     return best
 
 
-def result_of(rounds: Sequence[Round], place: int, seconds: float, broken: str) -> LocalResult:
+def local_result(rounds: Sequence[Round], place: int, seconds: float, failure: str) -> LocalResult:
     """Return the result of a local search, by one of its rounds.
 
     A drive that does not identify the judged parameters is a design, too; the solution reports it as
@@ -97,14 +97,14 @@ def result_of(rounds: Sequence[Round], place: int, seconds: float, broken: str) 
         rounds: rounds of the search, at least one.
         place: place of the round that counts.
         seconds: duration of the search [s].
-        broken: reason why a further round was not finite; "" if every round was.
+        failure: reason why a further round was not finite; "" if every round was.
     """
     outcome, evaluation = rounds[place]
     status = _STATUS.get(outcome.return_status, Status.FAILED)
     usable = evaluation.feasible and (np.isfinite(evaluation.objective) or not evaluation.identifiable)
     if not usable:
         status = status if status is Status.INFEASIBLE else Status.FAILED
-    elif status in (Status.INFEASIBLE, Status.FAILED) or broken or place < len(rounds) - 1:
+    elif status in (Status.INFEASIBLE, Status.FAILED) or failure or place < len(rounds) - 1:
         # A feasible end is a design, whatever made Ipopt stop there and whatever failed afterwards.
         status = Status.ACCEPTABLE
     return LocalResult(
@@ -114,7 +114,7 @@ def result_of(rounds: Sequence[Round], place: int, seconds: float, broken: str) 
         status,
         evaluations=sum(end.evaluations for end, _ in rounds),
         evaluation=evaluation if usable else None,
-        reason="" if usable else broken,
+        reason="" if usable else failure,
     )
 
 

@@ -88,7 +88,7 @@ class IpoptSearch:
         self._screened_drives: list[Array] = []
         self._seconds: list[float] = []
         self._solves_left = 0.0
-        self._standing = -np.inf
+        self._best_objective = -np.inf
         self._reason = ""
 
     def run(self) -> Solution:
@@ -96,28 +96,28 @@ class IpoptSearch:
         try:
             self._check_time()
             try:
-                self._find()
+                self._search_designs()
             finally:
                 # The best screened drives are candidates for the design, too.
                 self._keep_better(self._screened_drives)
             self._check_time()
-            self._decide()
+            self._run_second_stage()
         except TimeUp:
             self.stopped = Status.TIME_LIMIT
         except KeyboardInterrupt:
             self.stopped = Status.INTERRUPTED
         return self._solution()
 
-    def _find(self) -> None:
+    def _search_designs(self) -> None:
         if self.context.refining_since is not None:
-            self._go_on()
+            self._solve_on_finer_spline()
         elif self.options.starts == "auto":
             self._explore()
         else:
             self._try_starts(self.options.starts)
             self._perturb(self.options.perturbations)
 
-    def _go_on(self) -> None:
+    def _solve_on_finer_spline(self) -> None:
         # Solves from the earlier design on a finer spline, with each barrier parameter: either may lead
         # farther.
         start = self._earlier_design(self.options.label)
@@ -148,8 +148,8 @@ class IpoptSearch:
         rng = self.context.rng(1)
         if count:
             self.context.progress.begin("perturb and solve again", count)
-        for begun in range(0, count, ROUND):
-            base, size = self.best.unknowns, min(ROUND, count - begun)
+        for first in range(0, count, ROUND):
+            base, size = self.best.unknowns, min(ROUND, count - first)
             self._maximise(
                 [perturbed_design(self.local.design, base, rng) for _ in range(size)], perturbed=True
             )
@@ -193,7 +193,7 @@ class IpoptSearch:
             for _ in range(exploration.percent - before):
                 self.context.progress.advance()
 
-    def _decide(self) -> None:
+    def _run_second_stage(self) -> None:
         stage, share, best = self.options.second_stage, self.options.second_stage_share, self.best
         # The first stage of the criterion D has maximised log det already.
         done = stage == "none" or (stage == "logdet" and isinstance(self.problem.criterion, D))
@@ -226,30 +226,30 @@ class IpoptSearch:
         self, shared: SharedSearch, jobs: Sequence[AnyJob], *, sketching: bool = False
     ) -> Iterator[tuple[AnyJob, LocalResult]]:
         # Yields the results of solves in the order of the solves, whichever ends first.
-        begun = 0
-        while begun < len(jobs):
+        first = 0
+        while first < len(jobs):
             remaining = self._solves_left * float(np.mean(self._seconds)) if self._seconds else 0.0
             # The number of processes changes the time until a design is found, not the design.
             least = POOL_SECONDS if waiting() == 1 else min(READY_SECONDS, POOL_SECONDS)
             workers = self.context.workers if remaining > least else 1
             # The first solve runs alone and shows how long the next ones will take.
             count = len(jobs) if self._seconds else 1
-            batch, ended = jobs[begun : begun + count], dict[int, tuple[LocalResult, float]]()
-            cut: BaseException | None = None
+            batch, ended = jobs[first : first + count], dict[int, tuple[LocalResult, float]]()
+            interruption: BaseException | None = None
             try:
-                hear = partial(self._hear, ended, sketching)
+                hear = partial(self._record_end, ended, sketching)
                 run_tasks(shared, batch, workers, hear)
             except (TimeUp, KeyboardInterrupt) as error:
                 # Solves that have ended still count.
-                cut = error
+                interruption = error
             for place, (result, seconds) in sorted(ended.items()):
-                self._note(result, seconds)
+                self._extend_history(result, seconds)
                 yield batch[place], result
-            if cut is not None:
-                raise cut
-            begun += len(batch)
+            if interruption is not None:
+                raise interruption
+            first += len(batch)
 
-    def _hear(
+    def _record_end(
         self,
         ended: dict[int, tuple[LocalResult, float]],
         sketching: bool,
@@ -263,12 +263,12 @@ class IpoptSearch:
         if result.evaluation is not None:
             announce_drive(self.context.progress, self.problem, result.evaluation, seconds)
         if not sketching:
-            self._standing = max(self._standing, result.objective)
-            text = f"best by {self.problem.criterion.kind}: {self._standing:.4g}"
-            self.context.progress.advance(text if np.isfinite(self._standing) else "")
+            self._best_objective = max(self._best_objective, result.objective)
+            text = f"best by {self.problem.criterion.kind}: {self._best_objective:.4g}"
+            self.context.progress.advance(text if np.isfinite(self._best_objective) else "")
         self._check_time()
 
-    def _note(self, result: LocalResult, seconds: float) -> None:
+    def _extend_history(self, result: LocalResult, seconds: float) -> None:
         # A later start may end before an earlier one, but time in the history never decreases.
         self.evaluations += result.evaluations
         before = self.history[-1] if self.history else HistoryPoint(0, 0.0, -np.inf)
