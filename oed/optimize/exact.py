@@ -26,7 +26,7 @@ NODES = 200
 """Relaxations that are solved by default: some seconds."""
 SMALL = 60
 """Number of readings above which branching would hardly improve the first bound in reasonable time."""
-WHOLE = 1e-6
+INTEGRALITY = 1e-6
 """Distance from a whole number up to which a weight counts as one."""
 CLOSE = 1e-9
 """Share of the criterion by which the bound of a node must exceed the best weights."""
@@ -109,7 +109,7 @@ class _BranchAndBound:
         if relaxation is None:
             return
         weights, bound = relaxation
-        if np.all(np.abs(weights - np.rint(weights)) < WHOLE):
+        if np.all(np.abs(weights - np.rint(weights)) < INTEGRALITY):
             self._keep(np.rint(weights))
         if self._promises(bound):
             heapq.heappush(waiting, (-bound, self.solved, node, weights))
@@ -131,9 +131,9 @@ class _BranchAndBound:
             members = [place for place in budget.places if place in free]
             sizes = [size for place, size in zip(budget.places, budget.sizes, strict=True) if place in free]
             tops = (node.high - node.low)[members]
-            if total < -WHOLE or total > float(np.array(sizes) @ tops) + WHOLE:
+            if total < -INTEGRALITY or total > float(np.array(sizes) @ tops) + INTEGRALITY:
                 return None
-            if members and total > WHOLE:
+            if members and total > INTEGRALITY:
                 rest = replace(
                     budget, places=tuple(members), sizes=tuple(sizes), total=total, tops=tuple(tops)
                 )
@@ -165,7 +165,7 @@ def _branches(node: _Subset, weights: Array) -> Iterator[_Subset]:
     # Two nodes, apart by the weight that is farthest from a whole number; none where all are whole.
     apart = np.abs(weights - np.rint(weights))
     place = int(apart.argmax())
-    if apart[place] < WHOLE:
+    if apart[place] < INTEGRALITY:
         return
     below = np.floor(weights[place])
     high, low = node.high.copy(), node.low.copy()

@@ -190,14 +190,14 @@ class LocalSearch:
             sketched=value if satisfied else -np.inf,
         )
 
-    def improvement(self, unknowns: Array, standing: float) -> Evaluation | None:
-        """Return the scores of a drive if it is feasible and better than `standing`, else None."""
+    def improvement(self, unknowns: Array, reference: float) -> Evaluation | None:
+        """Return the scores of a drive if it is feasible and better than `reference`, else None."""
         try:
             evaluation = score(self.problem, self.grid.trajectory(unknowns))
         except NotFinite:
             return None
         usable = evaluation.feasible and evaluation.identifiable
-        return evaluation if usable and is_better(evaluation.objective, standing) else None
+        return evaluation if usable and is_better(evaluation.objective, reference) else None
 
     def _search(
         self,

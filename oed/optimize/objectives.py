@@ -108,7 +108,7 @@ class Volume(WeightObjective):
     """The objective log det S."""
 
     def __init__(self, size: int) -> None:
-        """Keep the number of judged combinations."""
+        """Store the number of judged combinations."""
         self.size = float(size)
 
     def scale(self, value: float) -> float:
@@ -116,12 +116,12 @@ class Volume(WeightObjective):
         return self.size
 
     def gradient(self, point: Projection, dual: Array) -> Array:
-        """Return S^-1."""
+        """Return the gradient S^-1."""
         root = _inverse_root(point.information)
         return np.asarray(root.T @ root)
 
     def value(self, point: Projection, level: float, barrier: float) -> float:
-        """Return log det S."""
+        """Return the criterion log det S."""
         return _log_determinant(point.information)
 
     def slope(
@@ -138,11 +138,11 @@ class Variance(WeightObjective):
     """The objective minus a variance of predictions, -tr C S^-1."""
 
     def __init__(self, predictions: Array) -> None:
-        """Keep rows (c, p) whose square is C."""
+        """Store rows (c, p) whose square is C."""
         self.predictions = predictions
 
     def gradient(self, point: Projection, dual: Array) -> Array:
-        """Return S^-1 C S^-1."""
+        """Return the gradient S^-1 C S^-1."""
         return _variance_gradient(point.information, self.predictions)
 
     def value(self, point: Projection, level: float, barrier: float) -> float:
@@ -164,7 +164,7 @@ class SmallestEigenvalue(WeightObjective):
     has_level = True
 
     def __init__(self, weighing: Array) -> None:
-        """Keep W (p, p)."""
+        """Store the weighing W, (p, p)."""
         self.weighing, self.barriers = weighing, len(weighing)
 
     def first_level(self, point: Projection) -> float:
@@ -173,7 +173,7 @@ class SmallestEigenvalue(WeightObjective):
         return 0.5 / float(np.linalg.eigvalsh(root @ self.weighing @ root.T)[-1])
 
     def central(self, point: Projection, level: float, barrier: float) -> Array:
-        """Return mu (S - t W)^-1."""
+        """Return the multipliers mu (S - t W)^-1."""
         root = _inverse_root(point.information - level * self.weighing)
         return np.asarray(barrier * root.T @ root)
 
@@ -183,7 +183,7 @@ class SmallestEigenvalue(WeightObjective):
         return longest(np.ones(len(dual)), np.asarray(np.linalg.eigvalsh(root @ change @ root.T)))
 
     def gradient(self, point: Projection, dual: Array) -> Array:
-        """Return Z."""
+        """Return the multipliers Z as gradient."""
         return dual
 
     def value(self, point: Projection, level: float, barrier: float) -> float:
@@ -221,7 +221,7 @@ class LargestVariance(WeightObjective):
     has_level = True
 
     def __init__(self, predictions: Sequence[Array]) -> None:
-        """Keep rows (c, p) of each variance, whose square is C_l."""
+        """Store rows (c, p) of each variance, whose square is C_l."""
         self.predictions, self.barriers = predictions, len(predictions)
 
     def first_level(self, point: Projection) -> float:
@@ -232,11 +232,11 @@ class LargestVariance(WeightObjective):
         return np.asarray(-level - _variances(point.information, self.predictions))
 
     def central(self, point: Projection, level: float, barrier: float) -> Array:
-        """Return mu / (-t - tr C_l S^-1)."""
+        """Return the multipliers mu / (-t - tr C_l S^-1)."""
         return np.asarray(barrier / self._spare(point, level))
 
     def gradient(self, point: Projection, dual: Array) -> Array:
-        """Return S^-1 C S^-1 for the mixture C."""
+        """Return the gradient S^-1 C S^-1, where C is the mixture of all C_l."""
         return _variance_gradient(point.information, _stacked(dual, self.predictions))
 
     def value(self, point: Projection, level: float, barrier: float) -> float:

@@ -130,11 +130,11 @@ def _join(before: Solution, solution: Solution) -> Solution:
     # The finer design, with the history of the search before it.
     assert solution.evaluation is not None
     spent = before.history[-1].evaluations if before.history else 0
-    standing = before.history[-1].objective if before.history else -float("inf")
+    reference = before.history[-1].objective if before.history else -float("inf")
     risen = (
         replace(point, evaluations=point.evaluations + spent)
         for point in solution.history
-        if point.objective > standing
+        if point.objective > reference
     )
     return replace(
         solution,

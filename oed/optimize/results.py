@@ -73,17 +73,17 @@ class LocalResult:
         return Start(objective, self.status, self.wall_seconds, self.iterations)
 
 
-def is_better(objective: float, standing: float) -> bool:
-    """Return True if an objective exceeds another by more than rounding."""
-    return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
+def is_better(objective: float, reference: float) -> bool:
+    """Return True if an objective exceeds a reference by more than rounding."""
+    return bool(np.isfinite(objective)) and objective > reference + ROUNDING * abs(objective)
 
 
 def best_round(rounds: Sequence[Round]) -> int:
     """Return the place of the best feasible round, the last of equal ones; without any, of the last round."""
-    best, standing = len(rounds) - 1, -np.inf
+    best, reference = len(rounds) - 1, -np.inf
     for place, (_, evaluation) in reversed(list(enumerate(rounds))):
-        if evaluation.feasible and is_better(evaluation.objective, standing):
-            best, standing = place, evaluation.objective
+        if evaluation.feasible and is_better(evaluation.objective, reference):
+            best, reference = place, evaluation.objective
     return best
 
 

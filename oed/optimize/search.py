@@ -277,9 +277,9 @@ class IpoptSearch:
             self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
 
     def _keep_better(self, drives: Sequence[Array]) -> None:
-        standing = -np.inf if self.best is None else self.best.objective
+        reference = -np.inf if self.best is None else self.best.objective
         for unknowns in drives:
-            evaluation = self.local.improvement(unknowns, standing)
+            evaluation = self.local.improvement(unknowns, reference)
             if evaluation is not None:
                 self.best = LocalResult(unknowns, 0, 0.0, Status.UNIMPROVED, evaluation=evaluation)
                 return

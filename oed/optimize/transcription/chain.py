@@ -38,7 +38,7 @@ class Frame:
     """
 
     def __init__(self, terms: Terms, *, relaxing: bool, slots: int = 0) -> None:
-        """Sort the rows."""
+        """Sort the rows into bounds of single unknowns and all others."""
         self.size, self.relaxing, self._unknown_bounds = terms.size, relaxing, terms.own_bounds
         self.slots, self._instants = terms.slots(slots), terms.instants
         self._sizes = np.array([rows.size for rows in terms.rows])
