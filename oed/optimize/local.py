@@ -118,12 +118,6 @@ class LocalSearch:
         exchange = Exchange(self.design.terms.problem, self.design.terms)
         return exchange if self.grid.coarse and exchange.needed else None
 
-    def first_instants(self, *, sketching: bool = False) -> Instants:
-        """Return the first instants of a search or of a sketch."""
-        if sketching and self._sketch_exchange is not None:
-            return self._sketch_exchange.at_samples()
-        return self.exchange.first_instants()
-
     def maximise(self, unknowns: Array, barrier: float | None = None) -> LocalResult:
         """Maximise the criterion from a start; the start is the result where it is better than the end.
 
@@ -161,17 +155,19 @@ class LocalSearch:
             unknowns: first values of z, (n,).
             barrier: first barrier parameter, see `Program.solve`.
         """
-        began, nothing, exchange = time.perf_counter(), self.grid.no_correction, self._sketch_exchange
+        began, nothing, excess = time.perf_counter(), self.grid.no_correction, 0.0
+        exchange = self._sketch_exchange
         options: dict[str, Any] = {
             "floors": self.no_floors,
             "barrier": barrier,
             "tolerance": max(SKETCHED, self.options.tolerance),
         }
-        instants, excess = self.first_instants(sketching=True), 0.0
         try:
             if exchange is None:
+                instants = self.exchange.first_instants()
                 outcome, _ = self.solve_exchanging(self.program, unknowns, nothing, instants, **options)
             else:
+                instants = exchange.at_samples()
                 chosen = exchange.chosen_rows(instants, self.design.trajectory(unknowns))
                 outcome = self.solve(self.program, unknowns, nothing, chosen=chosen, **options)
                 drive = self.design.trajectory(outcome.unknowns)
@@ -233,7 +229,7 @@ class LocalSearch:
     ) -> Iterator[Round]:
         # Solves under ever tighter limits, each with the scores of its drive.
         program = self._second_program if second else self.program
-        backoff, instants = np.zeros(len(self.problem.limits)), self.first_instants()
+        backoff, instants = np.zeros(len(self.problem.limits)), self.exchange.first_instants()
         after: IpoptOutcome | None = None
         for _ in range(ROUNDS):
             options: dict[str, Any] = {"floors": floors, "backoff": backoff, "barrier": barrier}

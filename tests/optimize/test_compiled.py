@@ -109,7 +109,7 @@ def test_what_a_search_calls_is_the_same_to_the_last_bit(
     kind: type[Terms], cache: Path, monkeypatch: pytest.MonkeyPatch
 ):
     plain, quick = kind(problem()), kind(problem())
-    slots = slots_for(len(LocalSearch(problem(), SETTINGS).first_instants()))
+    slots = slots_for(len(LocalSearch(problem(), SETTINGS).exchange.first_instants()))
     monkeypatch.setattr(direct_call, "PAYS", 0.0)
     for _ in range(2):
         called(quick, slots, 0)

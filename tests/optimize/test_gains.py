@@ -86,7 +86,7 @@ def require_gained(problem: Problem, wider: Problem, name: str, step: float, rel
     """That a search says what the best drive near its end gains in a wider problem; returns that share."""
     search, unknowns = begun(problem)
     found, instants = search.solve_exchanging(
-        search.program, unknowns, search.grid.correction(unknowns), search.first_instants()
+        search.program, unknowns, search.grid.correction(unknowns), search.exchange.first_instants()
     )
     gains = search.gains(found)
     assert set(gains) == {one.name for one in problem.limits}
@@ -138,7 +138,7 @@ def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
     # Close to where the first search ended.
     both = [
         one.solve_exchanging(
-            one.program, unknowns, one.grid.correction(unknowns), one.first_instants(), barrier=1e-3
+            one.program, unknowns, one.grid.correction(unknowns), one.exchange.first_instants(), barrier=1e-3
         )[0]
         for one in (search, fewer)
     ]
