@@ -32,6 +32,10 @@ from oed.optimize.terms.run_unknowns import RunUnknowns
 from oed.optimize.terms.whole_rows import Formulas, WholeRows
 
 
+TOGETHER = 40_000
+"""Samples of candidates that are scored at once: what they hand on takes some hundred bytes each."""
+
+
 def condensable(problem: Problem) -> bool:
     """Return whether what the samples of a problem's drives add makes up its information.
 
@@ -220,6 +224,15 @@ class Condensed(Terms):
             candidates: unknowns, (K, size).
             threads: that share the work; their number changes no digit.
         """
+        portion = max(threads, TOGETHER // self.problem.design.all_samples)
+        results = [
+            self._scored_together(candidates[first : first + portion], threads)
+            for first in range(0, len(candidates), portion)
+        ]
+        entries, excess = zip(*results, strict=True)
+        return np.concatenate(entries), np.concatenate(excess)
+
+    def _scored_together(self, candidates: Array, threads: int) -> tuple[Array, Array]:
         parts, runs, count = self._parts, self._parts.runs, len(candidates)
         drives = parts.drives(candidates)
         starts = drives.starts.reshape(count * runs.count, runs.cell.states)
