@@ -31,7 +31,6 @@ from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.run_unknowns import RunUnknowns
 from oed.optimize.terms.whole_rows import Formulas, WholeRows
 
-
 TOGETHER = 40_000
 """Samples of candidates that are scored at once: what they hand on takes some hundred bytes each."""
 
