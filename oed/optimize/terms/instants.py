@@ -21,6 +21,8 @@ from oed.kernel.problem import Problem
 from oed.optimize.condensed.differentiated import Differentiated
 from oed.optimize.terms.row_bounds import RowBounds
 
+TOGETHER = 50_000
+"""Instants whose rows are computed at once: a call of a million takes gigabytes."""
 LINEAR_WEIGHT = 20.0
 """Factor on rows that are linear in z (speeds, accelerations), against 1 for the others (positions).
 
@@ -169,16 +171,18 @@ class InstantRows:
         return ca.Function("instant_rows", self._arguments[:2], [ca.densify(self._rows)])
 
     def table(self, unknowns: Array, elapsed: Array) -> Array:
-        """Every row of instants, (K, R).
+        """Return every row of instants, (K, R).
 
         Args:
-            unknowns: of each, (K, size).
+            unknowns: variables of each instant, (K, size).
             elapsed: time since its period's begin [s], (K,).
         """
-        if not len(elapsed):
-            return np.zeros((0, self.count))
-        (flat,) = mapped(self.all_rows, len(elapsed))(unknowns, elapsed)
-        return flat.reshape(len(elapsed), self.count)
+        table = np.empty((len(elapsed), self.count))
+        for first in range(0, len(elapsed), TOGETHER):
+            portion = slice(first, first + TOGETHER)
+            (flat,) = mapped(self.all_rows, len(elapsed[portion]))(unknowns[portion], elapsed[portion])
+            table[portion] = flat.reshape(len(elapsed[portion]), self.count)
+        return table
 
     def exceeded(self, rows: Expression) -> Expression:
         """Return the excess of rows (R, K), in shares of their limits' sizes."""
