@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array
 from oed.kernel.dynamics.embedding import Bounding
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
@@ -67,46 +66,57 @@ def _on_splines(problem: Problem, limit: Limit, bounding: Bounding) -> Rows | No
 
 
 def by_instants(problem: Problem, limit: Limit) -> bool:
-    """Return whether a limit has rows of every instant by itself, of the nominal robot alone."""
+    """Return whether a limit has rows of every instant by itself, of the nominal robot alone.
+
+    It says so, and its rows on a drive of two samples are its rows on each of them: the same expressions of
+    the same symbols.
+    """
     if limit.looks_at != "state" or (problem.robust is not None and isinstance(limit, PathLimit)):
         return False
-    drive = _numbers(problem)
-    table, *samples = (_table(limit, part) for part in (drive, *(_sample(drive, k) for k in range(SAMPLES))))
-    first = _table(limit, replace(_sample(drive, 0), path=drive.path[0, :]))
-    per_sample, spare = samples[0].shape[1], table.shape[1] - SAMPLES * samples[0].shape[1]
+    drive, splines = _symbolic(problem)
+    rows, *by_sample = (limit.rows(part) for part in (drive, *(_sample(drive, k) for k in range(SAMPLES))))
+    first = limit.rows(replace(_sample(drive, 0), path=drive.path[0, :]))
+    per_sample = len(by_sample[0].lower)
+    spare = len(rows.lower) - SAMPLES * per_sample
     per_point = spare or per_sample
-    if spare not in (0, first.shape[1]) or not per_point or per_sample % per_point:
+    if spare not in (0, len(first.lower)) or not per_point or per_sample % per_point:
         return False
-    parts = [first[:, :, None]] if spare else []
-    parts += [part.reshape(3, per_point, -1) for part in samples]
-    together = np.concatenate(parts, axis=2).reshape(3, -1)
-    return bool(np.allclose(together, table, rtol=1e-12, atol=0))
-
-
-SAMPLES = 2
-"""How many show whether a limit is one on instants."""
-
-
-def _numbers(problem: Problem) -> Drive:
-    # A drive of two samples with any numbers as its path and motion; nobody may ask for splines.
-    rng, robot = np.random.default_rng(0), problem.system
-    shape = (SAMPLES, len(robot.inputs))
-    low, high = problem.input_bounds.T
-    held = _number(rng.uniform(low / 2, high / 2, shape))
-    drive = small_drive(problem, held, ca.SX.zeros(len(robot.states)))
-    unknown = _number(np.full(shape, np.nan))
-    return replace(
-        drive,
-        path=_number(rng.uniform(0.1, 0.3, drive.path.shape)),
-        motion=_number(rng.uniform(0.1, 0.3, drive.motion.shape)),
-        input_values=unknown,
-        input_rates=unknown,
-        input_jerks=unknown,
+    parts = [*([first] if spare else []), *by_sample]
+    # Rows ask one thing of all instants after another.
+    places = np.split(np.arange(len(rows.lower)), np.cumsum([len(part.lower) for part in parts])[:-1])
+    order = np.concatenate([place.reshape(per_point, -1) for place in places], axis=1).ravel().tolist()
+    together = ca.vertcat(*(_column(part) for part in parts))[order]
+    bounds = [(part.lower, part.upper) for part in parts]
+    lower, upper = (np.concatenate(ends)[order] for ends in zip(*bounds, strict=True))
+    return (
+        not ca.depends_on(_column(rows), splines)
+        and np.array_equal(lower, rows.lower)
+        and np.array_equal(upper, rows.upper)
+        and all(map(_same, ca.vertsplit(together), ca.vertsplit(_column(rows))))
     )
 
 
-def _number(values: Array) -> Expression:
-    return ca.SX(ca.DM(values))
+SAMPLES = 2
+"""Samples that show whether a limit is one on instants."""
+DEPTH = 200
+"""Operations one within the other to which two formulas are compared."""
+
+
+def _symbolic(problem: Problem) -> tuple[Drive, Expression]:
+    # A drive of two samples with symbols as its path and motion, and those of its splines.
+    robot = problem.system
+    shape = SAMPLES, len(robot.inputs)
+    drive = small_drive(problem, ca.SX.sym("held", *shape), ca.SX.sym("start", len(robot.states)))
+    values, rates, jerks = (ca.SX.sym(name, *shape) for name in ("values", "rates", "jerks"))
+    drive = replace(
+        drive,
+        path=ca.SX.sym("path", *drive.path.shape),
+        motion=ca.SX.sym("motion", *drive.motion.shape),
+        input_values=values,
+        input_rates=rates,
+        input_jerks=jerks,
+    )
+    return drive, ca.veccat(values, rates, jerks)
 
 
 def _sample(drive: Drive, place: int) -> Drive:
@@ -122,8 +132,9 @@ def _sample(drive: Drive, place: int) -> Drive:
     )
 
 
-def _table(limit: Limit, drive: Drive) -> Array:
-    # Values, lower and upper bounds of its rows, (3, rows).
-    rows = limit.rows(drive)
-    values = np.array(ca.evalf(ca.densify(rows.expression))).ravel(order="F")
-    return np.array([values, rows.lower, rows.upper])
+def _column(rows: Rows) -> Expression:
+    return ca.SX(ca.densify(ca.vec(rows.expression)))
+
+
+def _same(first: Expression, second: Expression) -> bool:
+    return bool(ca.is_equal(first, second, DEPTH))
