@@ -129,7 +129,7 @@ class AtEnd(StateLimit):
         return self.between(self.values(drive.system, last, drive.parameters))
 
 
-class Budget(ExpressionLimit):
+class IntegralBudget(ExpressionLimit):
     """An upper bound on an expression's integral over time, of all trials together.
 
     Without states it bounds the sum over the settings. Costs are given as rates. Settings and trials count as
@@ -187,5 +187,5 @@ def _readable(system: System) -> OutputSystem | None:
     return inner if isinstance(inner, OutputSystem) else None
 
 
-LIMITS: tuple[type[ExpressionLimit], ...] = (Always, AtEnd, Budget)
+LIMITS: tuple[type[ExpressionLimit], ...] = (Always, AtEnd, IntegralBudget)
 """All limits on expressions."""

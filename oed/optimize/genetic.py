@@ -77,7 +77,7 @@ class Genetic(Solver):
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class Population:
     """Candidates that the next generation starts from.
 
     Attributes:
@@ -135,7 +135,7 @@ class Generations:
         self._algorithm = GA(pop_size=population, sampling=sampling)
         self._algorithm.setup(problem, seed=seed, verbose=False)
 
-    def advance(self) -> Candidates | None:
+    def advance(self) -> Population | None:
         """Make, score and select the next generation; return None where no candidate is new."""
         offspring = self._algorithm.ask()
         if offspring is None:
@@ -145,7 +145,7 @@ class Generations:
         offspring.set("F", -values[:, None], "G", excess)
         self._algorithm.tell(infills=offspring)
         unknowns, costs, excess = self._algorithm.pop.get("X", "F", "G")
-        return Candidates(np.asarray(unknowns, dtype=float), -costs[:, 0], excess)
+        return Population(np.asarray(unknowns, dtype=float), -costs[:, 0], excess)
 
     def tighten(self, tightening: Array) -> None:
         """Tighten the limits, for the candidates selected and for all that follow.
@@ -239,7 +239,7 @@ class _GeneticSearch:
             self._rescore(candidates, None, scorer.tightening)
         return Status.SEARCHED
 
-    def _rescore(self, candidates: Candidates, most: int | None, tightening: Array) -> Array:
+    def _rescore(self, candidates: Population, most: int | None, tightening: Array) -> Array:
         # Keeps the best candidate that satisfies all limits; returns the tightening (limits,) with which the
         # refused candidates would have been infeasible at the points.
         needed = tightening

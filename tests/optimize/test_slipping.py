@@ -16,7 +16,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.results import Evaluation
 from oed.kernel.scorer import score
 from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.genetic import FINEST, MOST_TIGHTENED, Candidates, Generations, excess_between
+from oed.optimize.genetic import FINEST, MOST_TIGHTENED, Generations, Population, excess_between
 from oed.optimize.solver import Context
 from oed.optimize.transcription.coarse import SearchGrid
 from oed.robots.limits import BodySpeed, EndPosition, Obstacles, Rectangle, WheelSpeed
@@ -133,7 +133,7 @@ def test_drives_through_walls_tighten_no_limit():
 
 @pytest.mark.slow
 def test_limits_are_tightened_by_as_much_as_slips(monkeypatch: pytest.MonkeyPatch):
-    """Candidates and their children are judged by the same limits; those kept between the points stay."""
+    """Population and their children are judged by the same limits; those kept between the points stay."""
     tighten, advance, totals = Generations.tighten, Generations.advance, []
 
     def watched(generations: Generations, tightening: Array) -> None:
@@ -142,7 +142,7 @@ def test_limits_are_tightened_by_as_much_as_slips(monkeypatch: pytest.MonkeyPatc
         np.testing.assert_allclose(excess, generations._scorer.score(unknowns)[1], atol=1e-12)
         totals.append(tightening)
 
-    def advanced(generations: Generations) -> Candidates:
+    def advanced(generations: Generations) -> Population:
         candidates = advance(generations)
         # What pymoo selects by is what the candidates exceed.
         violations = generations._algorithm.pop.get("CV")[:, 0]

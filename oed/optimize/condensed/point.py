@@ -19,7 +19,7 @@ from oed.optimize.terms.run_unknowns import RunUnknowns
 
 
 @dataclass(frozen=True)
-class Parts:
+class CondensedParts:
     """The parts that an evaluation goes through.
 
     Attributes:
@@ -100,14 +100,14 @@ class ChosenRows:
     asked: Array
 
 
-class Point:
+class DriveAt:
     """Information and limits at unknowns z, every part computed once.
 
     Attributes:
         z: unknowns, (size,).
     """
 
-    def __init__(self, parts: Parts, z: Array) -> None:
+    def __init__(self, parts: CondensedParts, z: Array) -> None:
         """Take the parts and z."""
         self._parts, self.z = parts, z
         self._near: tuple[ChosenRows, Array] | None = None

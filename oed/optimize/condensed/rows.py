@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.optimize.condensed.point import ChosenRows, Parts, Point
+from oed.optimize.condensed.point import ChosenRows, CondensedParts, DriveAt
 from oed.optimize.terms.fixed_rows import FixedRows
 
 
@@ -18,7 +18,7 @@ class RowEntries:
         pattern: places of their derivatives by z.
     """
 
-    def __init__(self, fixed: FixedRows, parts: Parts, slots: int) -> None:
+    def __init__(self, fixed: FixedRows, parts: CondensedParts, slots: int) -> None:
         """Lay them out, with so many slots."""
         self._fixed, self._on_runs, self._slots = fixed, parts.whole, slots
         self._linear, self._order = len(fixed.constant), np.array(fixed.order, dtype=int)
@@ -43,7 +43,7 @@ class RowEntries:
     def _count_on_runs(self) -> int:
         return 0 if self._on_runs is None else len(self._on_runs.moved)
 
-    def values(self, point: Point, chosen: ChosenRows | None) -> Array:
+    def values(self, point: DriveAt, chosen: ChosenRows | None) -> Array:
         """Return the rows."""
         rows = [point.drive.linear[0]]
         if self._on_runs is not None:
@@ -51,7 +51,7 @@ class RowEntries:
         values = np.concatenate(rows)[self._order]
         return values if chosen is None else np.concatenate([values, point.instants(chosen)])
 
-    def slopes(self, point: Point, chosen: ChosenRows | None) -> Array:
+    def slopes(self, point: DriveAt, chosen: ChosenRows | None) -> Array:
         """Return the entries of their derivatives, in the order of the pattern."""
         entries = self._fixed_entries.copy()
         if not len(self._moving):

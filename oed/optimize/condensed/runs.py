@@ -15,7 +15,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.direct_call import DirectCall, mapped
 from oed.optimize.condensed.differentiated import matrices_of
-from oed.optimize.terms.cell import Cell
+from oed.optimize.terms.cell import SampleCell
 
 
 class Runs:
@@ -28,7 +28,7 @@ class Runs:
         held_slopes: derivatives of the inputs held by a run's unknowns, (N, inputs, w).
     """
 
-    def __init__(self, cell: Cell, count: int, reads: Array, held_slopes: Array) -> None:
+    def __init__(self, cell: SampleCell, count: int, reads: Array, held_slopes: Array) -> None:
         """Take the parts.
 
         Args:

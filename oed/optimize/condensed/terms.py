@@ -17,12 +17,12 @@ from oed.kernel.problem import Problem
 from oed.optimize.condensed.calls import ArrayFunction
 from oed.optimize.condensed.differentiated import Differentiated
 from oed.optimize.condensed.information import Information
-from oed.optimize.condensed.point import ChosenRows, Drives, Parts, Point
+from oed.optimize.condensed.point import ChosenRows, CondensedParts, DriveAt, Drives
 from oed.optimize.condensed.rows import RowEntries
 from oed.optimize.condensed.runs import Runs
 from oed.optimize.condensed.whole import WholeRuns
 from oed.optimize.terms.base import Functions, Terms
-from oed.optimize.terms.cell import Cell, read_end
+from oed.optimize.terms.cell import SampleCell, read_end
 from oed.optimize.terms.fixed_rows import FixedRows
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import symmetric
@@ -53,7 +53,7 @@ class Condensed(Terms):
         super().__init__(problem, refine)
         space, sensors = problem.design, problem.measurement.joint_sensors
         needs = needs_of(problem, self.bounding)
-        self._cell = Cell(problem, self.input_scale.tolist())
+        self._cell = SampleCell(problem, self.input_scale.tolist())
         unknowns = RunUnknowns.of(self.embedding, self.size)
         reads = reads_of(sensors, space.samples)[:, : space.samples]
         runs = Runs(self._cell, space.runs, reads, self._held_slopes(unknowns))
@@ -62,7 +62,7 @@ class Condensed(Terms):
         rows = WholeRows(Formulas(self, needs.whole), self._moved(runs, unknowns)) if needs.whole else None
         self._fixed = FixedRows(self, needs, rows, self._instants.without)
         whole_runs = None if rows is None else WholeRuns(rows, self.size)
-        self._parts = Parts(
+        self._parts = CondensedParts(
             runs=runs,
             unknowns=unknowns,
             drive=self._drive(whole_runs),
@@ -72,7 +72,7 @@ class Condensed(Terms):
             whole=whole_runs,
             instants=self._instants,
         )
-        self._point: Point | None = None
+        self._point: DriveAt | None = None
         self._latest: tuple[Array, ChosenRows] | None = None
 
     def _drive(self, limits: WholeRuns | None) -> ca.Function:
@@ -139,10 +139,10 @@ class Condensed(Terms):
         """The rows of an instant."""
         return self._instants
 
-    def at(self, z: Array) -> Point:
+    def at(self, z: Array) -> DriveAt:
         """Return the evaluation at z, the last one again where z is the same."""
         if self._point is None or not np.array_equal(self._point.z, z):
-            self._point = Point(self._parts, z.copy())
+            self._point = DriveAt(self._parts, z.copy())
         return self._point
 
     @cached_property

@@ -31,7 +31,7 @@ FEW = 8
 """Numbers read in a period up to which derivatives are shorter by what each of them changes."""
 
 
-class Cell:
+class SampleCell:
     """A sample as a function of the state x handed on to it and of its inputs, in units of their scale.
 
     x is the robot's state, followed by the entries that change of its derivatives by (parameters, start of
@@ -67,7 +67,7 @@ class Cell:
         if process_noise_of(problem.measurement.joint_sensors) is None or _many(_filtering(problem)):
             self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
             return self.carry.following, self.carry.added
-        step = _Step(problem, drive, self._reads)
+        step = _FilterStep(problem, drive, self._reads)
         self.carry = carry_of(problem, remembered=step.remembered, step=step)
         self._update = step.updated(*self.carry.belief)
         return self.carry.entries(*step.moved(self._update, self._update.named, self.carry.belief[0]))
@@ -185,7 +185,7 @@ class Cell:
         )
 
 
-class _Step:
+class _FilterStep:
     # How a filter goes through a sample.
 
     def __init__(self, problem: Problem, drive: Drive, reads: Expression) -> None:
