@@ -133,7 +133,7 @@ def test_drives_through_walls_tighten_no_limit():
 
 @pytest.mark.slow
 def test_limits_are_tightened_by_as_much_as_slips(monkeypatch: pytest.MonkeyPatch):
-    """Population and their children are judged by the same limits; those kept between the points stay."""
+    """Candidates and their children are judged by the same limits; those kept between the points stay."""
     tighten, advance, totals = Generations.tighten, Generations.advance, []
 
     def watched(generations: Generations, tightening: Array) -> None:
