@@ -14,7 +14,7 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.compiled import Making, is_compiled
 from oed.kernel.dynamics.expression import Expression
 
-PAYS = 1.0
+PAYS = 0.3
 """Time [s] that calls of a function have taken by which a compiler is let at it: what was called for so long
 is called on.
 """
