@@ -121,11 +121,11 @@ class Making:
             raise
         _AT_WORK.add(self)
 
-    def wait(self, patience: float = PATIENCE) -> None:
-        """Until the compiler has ended, well or not, or is given up after a time [s]."""
+    def wait(self) -> None:
+        """Wait until the compiler has ended, well or not, or is given up."""
         if self._running is not None:
             try:
-                self._running.wait(min(patience, PATIENCE))
+                self._running.wait(PATIENCE)
             except subprocess.TimeoutExpired:
                 _end(self._running)
             self._ended(self._running)

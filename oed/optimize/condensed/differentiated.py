@@ -10,6 +10,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.blocks import Packed
 
 
 class Differentiated:
@@ -40,14 +41,15 @@ class Differentiated:
 
     @cached_property
     def _slopes(self) -> tuple[ca.Function, ca.Sparsity]:
-        slope = ca.jacobian(self._results, self._symbols[0])
-        return ca.Function("slopes", self._symbols, [entries_of(slope)]), slope.sparsity()
+        slope = Packed(ca.jacobian(self._results, self._symbols[0]))
+        return ca.Function("slopes", self._symbols, [slope.entries]), slope.pattern
 
     @cached_property
     def _curvature(self) -> tuple[ca.Function, ca.Sparsity]:
         weights = ca.SX.sym("weights", self.count)
         matrix, _ = ca.hessian(ca.dot(weights, self._results), self._symbols[0])
-        return ca.Function("curvature", [*self._symbols, weights], [entries_of(matrix)]), matrix.sparsity()
+        packed = Packed(matrix)
+        return ca.Function("curvature", [*self._symbols, weights], [packed.entries]), packed.pattern
 
     @property
     def is_linear(self) -> bool:
@@ -79,11 +81,6 @@ class Differentiated:
         function, pattern = self._curvature
         (entries,) = mapped(function, len(variables))(variables, fixed, weights)
         return matrices_of(pattern, entries, len(variables))
-
-
-def entries_of(matrix: Expression) -> Expression:
-    """Return a matrix's entries that are not structurally zero, column by column, as a dense column."""
-    return ca.SX(0, 1) if not matrix.nnz() else ca.vertcat(*matrix.nonzeros())
 
 
 def matrices_of(pattern: ca.Sparsity, entries: Array, count: int) -> Array:

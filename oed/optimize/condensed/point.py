@@ -110,8 +110,7 @@ class DriveAt:
     def __init__(self, parts: CondensedParts, z: Array) -> None:
         """Take the parts and z."""
         self._parts, self.z = parts, z
-        self._near: tuple[ChosenRows, Array] | None = None
-        self._near_slopes: tuple[ChosenRows, Array] | None = None
+        self._instants: _Instants | None = None
 
     @cached_property
     def drive(self) -> Drives:
@@ -120,12 +119,8 @@ class DriveAt:
 
     @cached_property
     def _rolled(self) -> Rolled:
-        return self._parts.runs.rolled(self.drive.starts[0], self.drive.held[0])
-
-    @cached_property
-    def _sloped(self) -> Rolled:
-        self._rolled.differentiate(self._parts.run_start_slopes)
-        return self._rolled
+        starts, held = self.drive.starts[0], self.drive.held[0]
+        return Rolled(self._parts.runs, starts, held, self._parts.run_start_slopes)
 
     @cached_property
     def _end(self) -> Array:
@@ -150,14 +145,14 @@ class DriveAt:
     @cached_property
     def _end_slopes(self) -> Array:
         # Of x at the runs' ends and the inputs held until then, (R, width + inputs, w).
-        rolled = self._sloped
+        rolled = self._rolled
         held = self._parts.runs.held_slopes[-1]
         last = np.broadcast_to(held, (len(rolled.ends), *held.shape))
         return np.concatenate([rolled.end_slopes, last], axis=1)
 
     @cached_property
     def _group_slopes(self) -> Array:
-        slopes = self._sloped.added_slopes(self._parts.information.groups)
+        slopes = self._rolled.added_slopes(self._parts.information.groups)
         if self._parts.ending is not None:
             slopes[:, 0] += np.matmul(self._parts.ending.slopes(self._end), self._end_slopes)
         return slopes
@@ -191,7 +186,7 @@ class DriveAt:
         run, sample = np.divmod(samples, parts.runs.samples)
         slopes = np.zeros((len(states), parts.size))
         if len(states):
-            rows = self._sloped.slopes[run, sample, states]
+            rows = self._rolled.slopes[run, sample, states]
             slopes[np.arange(len(states))[:, None], parts.unknowns.places[run]] = rows
         return limits.variable_slopes(slopes)
 
@@ -207,48 +202,11 @@ class DriveAt:
         assert self._parts.whole is not None
         return self._parts.whole.slopes(self._run_variables, self._run_variable_slopes)
 
-    def instants(self, chosen: ChosenRows) -> Array:
-        """Return the chosen rows of instants, (K,)."""
-        return self._parts.instants.chosen.values(self._around(chosen), chosen.constants)[:, 0]
-
-    def _around(self, chosen: ChosenRows) -> Array:
-        # What rows of instants are functions of, (K, variables).
-        if self._near is None or self._near[0] is not chosen:
-            self._near = chosen, self._around_anew(chosen)
-        return self._near[1]
-
-    def _around_anew(self, chosen: ChosenRows) -> Array:
-        rolled, states = self._rolled, self._parts.runs.cell.states
-        columns = [
-            rolled.points[chosen.run, chosen.sample, :states],
-            rolled.held[chosen.run, chosen.sample],
-        ]
-        if self._parts.instants.asking:
-            columns.append(chosen.asked @ self.z)
-        return np.hstack(columns)
-
-    def _around_slopes(self, chosen: ChosenRows) -> Array:
-        # Derivatives of that by z, (K, variables, size).
-        if self._near_slopes is None or self._near_slopes[0] is not chosen:
-            self._near_slopes = chosen, self._around_slopes_anew(chosen)
-        return self._near_slopes[1]
-
-    def _around_slopes_anew(self, chosen: ChosenRows) -> Array:
-        parts, slopes = self._parts, self._sloped.slopes
-        states, width = parts.runs.cell.states, parts.runs.cell.width
-        places = np.r_[0:states, width : slopes.shape[2]]
-        slopes_at_begins = slopes[chosen.run[:, None], chosen.sample[:, None], places]
-        around = np.zeros((len(chosen.run), parts.instants.size, parts.size))
-        rows = np.arange(len(chosen.run))[:, None, None], np.arange(len(places))[None, :, None]
-        around[(*rows, parts.unknowns.places[chosen.run][:, None, :])] = slopes_at_begins
-        if parts.instants.asking:
-            around[:, len(places) :] = chosen.asked
-        return around
-
-    def instant_slopes(self, chosen: ChosenRows) -> Array:
-        """Return derivatives of the chosen rows by z, (K, size)."""
-        steep = self._parts.instants.chosen.slopes(self._around(chosen), chosen.constants)
-        return np.asarray(np.matmul(steep, self._around_slopes(chosen))[:, 0])
+    def instants(self, chosen: ChosenRows) -> _Instants:
+        """Return the chosen rows of instants, those of the last call again where they are the same."""
+        if self._instants is None or self._instants.chosen is not chosen:
+            self._instants = _Instants(self._parts, self._rolled, chosen, self.z)
+        return self._instants
 
     def curvature(self, entries: Array, on_runs: Array, instants: Array, chosen: ChosenRows | None) -> Array:
         """Return second derivatives (size, size) by z of a weighted sum.
@@ -259,7 +217,7 @@ class DriveAt:
             instants: weights of the chosen rows, (K,).
             chosen: these rows, if there are any.
         """
-        parts, rolled = self._parts, self._sloped
+        parts, rolled = self._parts, self._rolled
         information = parts.information
         weights, bent = information.weighted(self._sums, entries)
         total = np.zeros((parts.size, parts.size))
@@ -285,7 +243,9 @@ class DriveAt:
             run, sample = np.divmod(samples, parts.runs.samples)
             np.add.at(points, (run, sample, states), parts.whole.weights(needed, on_runs))
         if chosen is not None:
-            total += self._of_instants(chosen, instants, points)
+            rows = self.instants(chosen)
+            np.add.at(points, rows.places, rows.weights(instants))
+            total += rows.curvature(instants)
         length = parts.runs.samples // information.groups
         added = np.repeat(groups, length, axis=1)
         by_runs += rolled.curvature(ends, np.ascontiguousarray(added), points)
@@ -293,17 +253,64 @@ class DriveAt:
             total[np.ix_(places, places)] += by_run
         return total
 
-    def _of_instants(self, chosen: ChosenRows, weights: Array, points: Array) -> Array:
-        # Second derivatives around the samples' begins; what the rows weigh of the states is added to
-        # `points`.
-        rows, around = self._parts.instants.chosen, self._around(chosen)
-        steep = rows.slopes(around, chosen.constants)[:, 0]
-        states = self._parts.runs.cell.states
-        places = chosen.run[:, None], chosen.sample[:, None], np.arange(states)
-        np.add.at(points, places, weights[:, None] * steep[:, :states])
-        if rows.is_linear:
-            return np.zeros((self._parts.size, self._parts.size))
-        inner = rows.curvature(around, weights[:, None], chosen.constants)
-        slopes = self._around_slopes(chosen)
-        size = slopes.shape[2]
+
+class _Instants:
+    # Chosen rows of instants at one z, around the states and inputs at their samples' begins.
+
+    def __init__(self, parts: CondensedParts, rolled: Rolled, chosen: ChosenRows, z: Array) -> None:
+        self._parts, self._rolled, self.chosen, self._z = parts, rolled, chosen, z
+        self._rows = parts.instants.chosen
+
+    @property
+    def places(self) -> tuple[Places, Places, Places]:
+        # Of the robots' states at the samples' begins among x at all of these, (K, states).
+        states = np.arange(self._parts.runs.cell.states, dtype=np.int64)
+        return self.chosen.run[:, None], self.chosen.sample[:, None], states
+
+    @cached_property
+    def _variables(self) -> Array:
+        columns = [self._rolled.points[self.places], self._rolled.held[self.chosen.run, self.chosen.sample]]
+        if self._parts.instants.asking:
+            columns.append(self.chosen.asked @ self._z)
+        return np.hstack(columns)
+
+    @cached_property
+    def _variable_slopes(self) -> Array:
+        # By z, (K, variables, size).
+        parts, slopes, chosen = self._parts, self._rolled.slopes, self.chosen
+        columns = np.r_[0 : parts.runs.cell.states, parts.runs.cell.width : slopes.shape[2]]
+        around = np.zeros((len(chosen.run), parts.instants.size, parts.size))
+        rows = np.arange(len(chosen.run))[:, None, None], np.arange(len(columns))[None, :, None]
+        unknowns = parts.unknowns.places[chosen.run][:, None, :]
+        around[(*rows, unknowns)] = slopes[chosen.run[:, None], chosen.sample[:, None], columns]
+        if parts.instants.asking:
+            around[:, len(columns) :] = chosen.asked
+        return around
+
+    @cached_property
+    def _steep(self) -> Array:
+        # By the variables, (K, 1, variables).
+        return self._rows.slopes(self._variables, self.chosen.constants)
+
+    @property
+    def values(self) -> Array:
+        # The rows, (K,).
+        return self._rows.values(self._variables, self.chosen.constants)[:, 0]
+
+    @property
+    def slopes(self) -> Array:
+        # Derivatives by z, (K, size).
+        return np.asarray(np.matmul(self._steep, self._variable_slopes)[:, 0])
+
+    def weights(self, weights: Array) -> Array:
+        # Weights of the states (K, states) that weights (K,) of the rows make.
+        return weights[:, None] * self._steep[:, 0, : self._parts.runs.cell.states]
+
+    def curvature(self, weights: Array) -> Array:
+        # Second derivatives (size, size) by z of the weighted sum, but for those of the states.
+        size = self._parts.size
+        if self._rows.is_linear:
+            return np.zeros((size, size))
+        inner = self._rows.curvature(self._variables, weights[:, None], self.chosen.constants)
+        slopes = self._variable_slopes
         return np.asarray(slopes.reshape(-1, size).T @ np.matmul(inner, slopes).reshape(-1, size))

@@ -20,7 +20,7 @@ class RowEntries:
 
     def __init__(self, fixed: FixedRows, parts: CondensedParts, slots: int) -> None:
         """Lay them out, with so many slots."""
-        self._fixed, self._on_runs, self._slots = fixed, parts.whole, slots
+        self._fixed, self._on_runs = fixed, parts.whole
         self._linear, self._order = len(fixed.constant), np.array(fixed.order, dtype=int)
         self.count, size = len(self._order) + slots, parts.size
         linear = ca.sparsify(ca.DM(fixed.slope)) if self._linear else ca.DM(0, size)
@@ -49,7 +49,7 @@ class RowEntries:
         if self._on_runs is not None:
             rows.append(point.run_rows)
         values = np.concatenate(rows)[self._order]
-        return values if chosen is None else np.concatenate([values, point.instants(chosen)])
+        return values if chosen is None else np.concatenate([values, point.instants(chosen).values])
 
     def slopes(self, point: DriveAt, chosen: ChosenRows | None) -> Array:
         """Return the entries of their derivatives, in the order of the pattern."""
@@ -60,7 +60,7 @@ class RowEntries:
         if self._on_runs is not None:
             rows.append(point.run_row_slopes)
         if chosen is not None:
-            rows.append(point.instant_slopes(chosen))
+            rows.append(point.instants(chosen).slopes)
         table = np.concatenate(rows)
         entries[self._moving] = table[self._row[self._moving] - self._linear, self._column[self._moving]]
         return entries

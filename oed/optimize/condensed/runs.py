@@ -40,7 +40,6 @@ class Runs:
         self.cell, self.count, self.held_slopes = cell, count, held_slopes
         self.samples = len(held_slopes)
         self._reads = np.ascontiguousarray(reads.T)
-        self._rolls: dict[tuple[int, int], DirectCall] = {}
 
     def reads(self, runs: int) -> Array:
         """Return which sensors read in each sample of so many runs, one row a sample."""
@@ -51,23 +50,10 @@ class Runs:
         carried = np.array(self.cell.carry.begin, dtype=float).ravel()
         return np.hstack([starts, np.tile(carried, (len(starts), 1))])
 
-    def rolled(self, starts: Array, held: Array) -> Rolled:
-        """Return the runs from start states (R, states) with inputs (R, N, inputs) held."""
-        return Rolled(self, starts, held)
-
-    def roll(self, starts: Array, held: Array) -> tuple[Array, Array]:
-        """Return what every cell ends with (R, N, width), and what it adds (R, N, added).
-
-        Args:
-            starts: states of any number of runs, (R, states).
-            held: inputs of each, (R, N, inputs).
-        """
-        runs = len(starts)
-        if (runs, 1) not in self._rolls:
-            self._rolls[runs, 1] = DirectCall(self.cell.values.mapaccum("roll", self.samples).map(runs))
-        ends, added = self._rolls[runs, 1](self.begins(starts), held, self.reads(runs))
-        shape = runs, self.samples
-        return ends.reshape(*shape, self.cell.width), added.reshape(*shape, self.cell.gathered.numel())
+    @cached_property
+    def roll(self) -> DirectCall:
+        """(x at the runs' begins, inputs held, sensors that read) -> x at all cells' ends, what cells add."""
+        return DirectCall(self.cell.values.mapaccum("roll", self.samples).map(self.count))
 
     @cached_property
     def forward(self) -> DirectCall:
@@ -93,11 +79,8 @@ class Runs:
     @cached_property
     def state_pattern(self) -> Bools:
         """Pattern (width, width + inputs) of x at a cell's end by x at its begin and its inputs."""
-        return np.array(matrices_of(self.cell.slopes[0].pattern, np.ones(self._onward_entries), 1)[0] != 0)
-
-    @property
-    def _onward_entries(self) -> int:
-        return int(self.cell.slopes[0].pattern.nnz())
+        pattern = self.cell.slopes[0].pattern
+        return np.array(matrices_of(pattern, np.ones(pattern.nnz()), 1)[0] != 0)
 
 
 class Rolled:
@@ -110,12 +93,22 @@ class Rolled:
         added: what every cell adds, (R, N, added).
     """
 
-    def __init__(self, runs: Runs, starts: Array, held: Array) -> None:
-        """Roll the runs out; see `Runs.rolled`."""
-        self._runs, self._cell = runs, runs.cell
-        following, self.added = runs.roll(starts, held)
+    def __init__(self, runs: Runs, starts: Array, held: Array, start_slopes: Array) -> None:
+        """Roll the runs out.
+
+        Args:
+            runs: cells of all samples.
+            starts: start states, (R, states).
+            held: inputs, (R, N, inputs).
+            start_slopes: derivatives of the start states by each run's unknowns, (R, states, w).
+        """
+        self._runs, self._cell, self._start_slopes = runs, runs.cell, start_slopes
+        begins = runs.begins(starts)
+        following, added = runs.roll(begins, held, runs.reads(runs.count))
+        following = following.reshape(*self._shape, runs.cell.width)
+        self.added = added.reshape(*self._shape, runs.cell.gathered.numel())
         self.held, self.ends = held, following[:, -1]
-        self.points = np.concatenate([runs.begins(starts)[:, None], following[:, :-1]], axis=1)
+        self.points = np.concatenate([begins[:, None], following[:, :-1]], axis=1)
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -135,11 +128,10 @@ class Rolled:
     def _cell_slopes(self) -> list[Array]:
         # Entries of the derivatives of what cells hand on and of what they add, by (x, inputs).
         count = self._runs.count * self._runs.samples
+        results = mapped(self._cell.jacobian, count)(*self._cell_arguments)
         return [
             entries.reshape(count, part.pattern.nnz())
-            for part, entries in zip(
-                self._cell.slopes, mapped(self._cell.jacobian, count)(*self._cell_arguments), strict=True
-            )
+            for part, entries in zip(self._cell.slopes, results, strict=True)
         ]
 
     @cached_property
@@ -148,27 +140,33 @@ class Rolled:
         pattern, entries = self._cell.slopes[1].pattern, self._cell_slopes[1]
         return matrices_of(pattern, entries, len(entries)).reshape(*self._shape, *pattern.shape)
 
-    def differentiate(self, start_slopes: Array) -> None:
-        """Find the derivatives of everything by the runs' unknowns.
+    @cached_property
+    def _following_slopes(self) -> Array:
+        # Of x at all cells' ends, (R, N, width, w).
+        runs, samples = self._shape
+        (flat,) = self._runs.forward(self._begin_slopes, self._held_slopes, self._cell_slopes[0])
+        return flat.reshape(runs, samples, *self._begin_slopes.shape[1:])
 
-        Args:
-            start_slopes: derivatives of the start states, (R, states, w).
-        """
-        (runs, samples), width = self._shape, self._cell.width
-        begins = np.zeros((runs, width, start_slopes.shape[2]))
-        begins[:, : self._cell.states] = start_slopes
-        held = np.broadcast_to(self._runs.held_slopes, (runs, *self._runs.held_slopes.shape))
-        (flat,) = self._runs.forward(begins, held, self._cell_slopes[0])
-        ends = flat.reshape(runs, samples, width, start_slopes.shape[2])
-        self.slopes = np.empty((runs, samples, width + held.shape[2], ends.shape[3]))
-        self.slopes[:, :, width:] = held
-        self.slopes[:, 0, :width], self.slopes[:, 1:, :width] = begins, ends[:, :-1]
-        self.end_slopes = ends[:, -1]
+    @cached_property
+    def _begin_slopes(self) -> Array:
+        begins = np.zeros((self._runs.count, self._cell.width, self._start_slopes.shape[2]))
+        begins[:, : self._cell.states] = self._start_slopes
+        return begins
 
-    slopes: Array
-    """Derivatives of (x, inputs) at every cell's begin by the run's unknowns, (R, N, width + inputs, w)."""
-    end_slopes: Array
-    """Derivatives of x at every run's end, (R, width, w)."""
+    @property
+    def _held_slopes(self) -> Array:
+        return np.broadcast_to(self._runs.held_slopes, (self._runs.count, *self._runs.held_slopes.shape))
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Derivatives of (x, inputs) at every cell's begin by the unknowns, (R, N, width + inputs, w)."""
+        begins = np.concatenate([self._begin_slopes[:, None], self._following_slopes[:, :-1]], axis=1)
+        return np.concatenate([begins, self._held_slopes], axis=2)
+
+    @property
+    def end_slopes(self) -> Array:
+        """Derivatives of x at every run's end, (R, width, w)."""
+        return np.asarray(self._following_slopes[:, -1])
 
     def added_slopes(self, groups: int) -> Array:
         """Return derivatives (R, groups, added, w) of what each of so many equal parts of a run adds."""
@@ -179,18 +177,16 @@ class Rolled:
         steps = self.slopes.reshape(runs, groups, length * columns, self.slopes.shape[3])
         return np.asarray(np.matmul(parts.reshape(runs, groups, added, length * columns), steps))
 
-    def curvature(self, ends: Array, added: Array, points: Array | None) -> Array:
+    def curvature(self, ends: Array, added: Array, points: Array) -> Array:
         """Return second derivatives (R, w, w) by the runs' unknowns of a weighted sum of what runs do.
 
         Args:
             ends: weights of x at the runs' ends, (R, width).
             added: weights of what every cell adds, (R, N, added).
-            points: weights of x at every cell's begin, (R, N, width), if anything weighs it.
+            points: weights of x at every cell's begin, (R, N, width).
         """
         (runs, samples), width = self._shape, self._cell.width
-        pulled = np.matmul(added[:, :, None, :], self._added_slopes[..., :width])[:, :, 0]
-        if points is not None:
-            pulled = pulled + points
+        pulled = points + np.matmul(added[:, :, None, :], self._added_slopes[..., :width])[:, :, 0]
         onward = self._cell_slopes[0]
         onward = onward.reshape(runs, samples, onward.shape[1])
         (flat,) = self._runs.backward(ends, onward[:, ::-1], pulled[:, ::-1])
@@ -224,7 +220,7 @@ class Rolled:
         return np.asarray(total + total.transpose(0, 2, 1))
 
     def _products(self, first: Array, second: Array) -> Array:
-        # Sums over a run's samples of the products left' right, (R, w, w).
+        # Sums over a run's samples of the products of first' and second, (R, w, w).
         runs, unknowns = self._runs.count, first.shape[-1]
         rows = first.reshape(runs, -1, unknowns).transpose(0, 2, 1)
         return np.asarray(np.matmul(rows, second.reshape(runs, -1, unknowns)))

@@ -29,7 +29,7 @@ from oed.optimize.terms.matrices import symmetric
 from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.run_unknowns import RunUnknowns
-from oed.optimize.terms.whole_rows import Formulas, WholeRows
+from oed.optimize.terms.whole_rows import Formulas
 
 TOGETHER = 40_000
 """Samples of candidates that are scored at once: what they hand on takes some hundred bytes each."""
@@ -59,9 +59,9 @@ class Condensed(Terms):
         runs = Runs(self._cell, space.runs, reads, self._held_slopes(unknowns))
         added = int(self._cell.gathered.numel())
         self._instants = InstantRows(problem, needs.instants, self.input_scale)
-        rows = WholeRows(Formulas(self, needs.whole), self._moved(runs, unknowns)) if needs.whole else None
-        self._fixed = FixedRows(self, needs, rows, self._instants.without)
-        whole_runs = None if rows is None else WholeRuns(rows, self.size)
+        moved = self._moved(runs, unknowns)
+        whole_runs = WholeRuns(Formulas(self, needs.whole), moved) if needs.whole else None
+        self._fixed = FixedRows(self, needs, whole_runs, self._instants.without)
         self._parts = CondensedParts(
             runs=runs,
             unknowns=unknowns,

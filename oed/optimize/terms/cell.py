@@ -41,7 +41,6 @@ class SampleCell:
         states: number of the robot's states.
         width: length of x.
         carry: rule by which sensitivities are handed on.
-        scale: physical value of an input of 1, (inputs,).
     """
 
     def __init__(self, problem: Problem, scale: Sequence[float]) -> None:
@@ -49,7 +48,6 @@ class SampleCell:
         robot, self.states = problem.system, len(problem.system.states)
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
         sensors = problem.measurement.joint_sensors
-        self.scale = tuple(scale)
         self._reads = ca.SX.sym("reads", len(sensors) + len(memories_of(sensors)))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state)
         following, added = self._carried_on(problem, drive)

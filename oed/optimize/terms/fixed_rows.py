@@ -9,10 +9,10 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.limit import Rows
+from oed.optimize.condensed.whole import WholeRuns
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.needs import Needs
 from oed.optimize.terms.row_bounds import RowBounds, said_once
-from oed.optimize.terms.whole_rows import WholeRows
 
 
 class FixedRows:
@@ -23,12 +23,11 @@ class FixedRows:
         linear: linearity in z of each limit's rows.
         slope: derivatives of the linear rows, (rows, size).
         constant: values of the linear rows where z is 0.
-        whole: rows of limits on whole runs, or None.
         order: places of the rows, limit by limit, among linear rows and those of whole runs behind them.
     """
 
     def __init__(
-        self, terms: Terms, needs: Needs, whole: WholeRows | None, without: Mapping[int, RowBounds]
+        self, terms: Terms, needs: Needs, whole: WholeRuns | None, without: Mapping[int, RowBounds]
     ) -> None:
         """Sort them.
 
@@ -38,7 +37,6 @@ class FixedRows:
             whole: rows of limits on whole runs, if there are any.
             without: empty bounds of the other limits.
         """
-        self.whole = whole
         tables = {place: self._table(terms, rows) for place, rows in needs.tables.items()}
         self.slope = np.concatenate([np.zeros((0, terms.size)), *(part for part, _, _ in tables.values())])
         self.constant = np.concatenate([np.zeros(0), *(part for _, part, _ in tables.values())])

@@ -88,8 +88,7 @@ class InstantRows:
         ]
         rows = ca.vertcat(ca.SX(0, 1), *shares)
         self.asking = splines and bool(ca.depends_on(rows, by_splines))
-        self._variables = [state, held, *([by_splines] if self.asking else [])]
-        self._unknowns = ca.vertcat(*self._variables)
+        self._unknowns = ca.vertcat(state, held, *([by_splines] if self.asking else []))
         self.size = int(self._unknowns.shape[0])
         self.weight = np.array([self._weight(row, state) for row in ca.vertsplit(rows)])
         self._rows = ca.cse(ca.DM(self.weight) * rows) if len(self.weight) else rows

@@ -15,12 +15,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Bools, Places
+from oed.foundation.arrays import Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.system import stepper
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.small_drives import splines_of
 
 
@@ -130,35 +129,3 @@ class Formulas:
 def picked(table: Expression, rows: Sequence[int]) -> Expression:
     """Return some rows of a table, which may be none."""
     return table[list(rows), :] if len(rows) else type(table)(0, table.shape[1])
-
-
-class WholeRows:
-    """Rows of limits on whole runs that some unknown moves, with their bounds.
-
-    Attributes:
-        formulas: formulas of the rows.
-        pattern: pattern of the rows by the unknowns.
-        kept: rows that some unknown moves.
-        bounds: bounds of every limit's rows.
-    """
-
-    def __init__(self, formulas: Formulas, moved: Bools) -> None:
-        """Leave out rows that nothing moves.
-
-        Args:
-            formulas: formulas of the rows.
-            moved: True where an unknown moves a state at a sample's begin, (samples, states, size).
-        """
-        self.formulas = formulas
-        affine = ca.DM(formulas.affine.sparsity(), 1.0)
-        by_states = moved.transpose(1, 0, 2).reshape(-1, moved.shape[2])
-        moved_variables = ca.vertcat(ca.sparsify(ca.DM(by_states.astype(float))), affine)
-        self.pattern = (ca.DM(formulas.pattern, 1.0) @ picked(moved_variables, formulas.needed)).sparsity()
-        self.kept: list[int] = sorted(set(self.pattern.row()))
-        is_moved = np.zeros(self.pattern.size1(), dtype=bool)
-        is_moved[self.kept] = True
-        edges = np.cumsum([len(rows.lower) for rows in formulas.rows[:-1]], dtype=int)
-        self.bounds = [
-            RowBounds(rows.lower[chosen], rows.upper[chosen], rows.size, rows.unit)
-            for rows, chosen in zip(formulas.rows, np.split(is_moved, edges), strict=True)
-        ]
