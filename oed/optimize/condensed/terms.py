@@ -221,7 +221,7 @@ class Condensed(Terms):
 
         Args:
             candidates: unknowns, (K, size).
-            threads: that share the work; their number changes no digit.
+            threads: number of threads, which changes no digit.
         """
         portion = max(threads, TOGETHER // self.problem.design.all_samples)
         results = [

@@ -1,11 +1,10 @@
-"""What is known where some samples begin, whoever computes it: states, inputs held, and their derivatives."""
+"""States and inputs held where some samples of a drive that is written out begin, with derivatives."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -13,21 +12,45 @@ import numpy as np
 from oed.kernel.dynamics.expression import Expression
 
 
-class Begun(ABC):
-    """What is known at the begins of some samples, as expressions (MX).
+class Begun:
+    """States and inputs held where some samples begin, and their derivatives, as expressions (MX).
 
     Attributes:
-        states: (states, K).
-        held: inputs held in them, in units of their scale, (inputs, K).
+        states: states, (states, K).
+        held: inputs held in the samples, in units of their scale, (inputs, K).
     """
 
-    states: Expression
-    held: Expression
+    def __init__(
+        self, begins: Expression, states: int, unknowns: Expression, z: Expression, samples: Expression
+    ) -> None:
+        """Pick the samples.
 
-    @property
-    @abstractmethod
+        Args:
+            begins: states and inputs of all samples (SX of `unknowns`), (N, states + inputs).
+            states: number of states.
+            unknowns: z as symbols (SX).
+            z: z (MX).
+            samples: samples, counted through all runs, (1, K).
+        """
+        self._begins, self._unknowns, self._z, self._samples = begins, unknowns, z, samples
+        table = ca.Function("begins", [unknowns], [ca.densify(begins.T)])(z)
+        both = gathered(table, first_entries(samples, begins.shape[1], begins.shape[1]))
+        self.states, self.held = both[:states, :], both[states:, :]
+
+    @cached_property
     def slopes(self) -> Expression:
-        """Derivatives by z of each one's states, then inputs held, (size, (states + inputs) K)."""
+        """Derivatives by z of the states, then the inputs held, (size, (states + inputs) K)."""
+        size = self._unknowns.shape[0]
+        slope = ca.densify(ca.jacobian(ca.vec(self._begins.T), self._unknowns).T)
+        table = ca.Function("begins_slopes", [self._unknowns], [slope])(self._z)
+        width = size * self.each
+        return ca.reshape(gathered(table, first_entries(self._samples, width, width)), size, -1)
+
+    def weighted(self, weights: Expression) -> Expression:
+        """Weights (states, K) of the states as those of all samples' states, (states * samples,)."""
+        states = self.states.shape[0]
+        places = first_entries(self._samples, states, states)
+        return scattered(ca.vec(weights), ca.vec(places), states * self._begins.shape[0])
 
     @property
     def each(self) -> int:

@@ -13,12 +13,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Bools
+from oed.foundation.arrays import Array, Bools
+from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
-from oed.optimize.terms.begun import Begun, Weighted, first_entries, gathered, scattered
-from oed.optimize.terms.generated import Swept, WrittenTerms
+from oed.optimize.condensed.calls import ArrayFunction
+from oed.optimize.terms.base import Functions, Terms
+from oed.optimize.terms.begun import Begun, Weighted
+from oed.optimize.terms.blocks import Packed
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
@@ -30,7 +33,7 @@ again but not gigabytes: a million take 100 MB.
 """
 
 
-class Unrolled(WrittenTerms):
+class Unrolled(Terms):
     """Information and limit rows of the drive written out, positions at `refine` points per sample.
 
     Attributes:
@@ -57,7 +60,9 @@ class Unrolled(WrittenTerms):
     @cached_property
     def instants(self) -> InstantRows:
         """The rows of an instant."""
-        places = [place for place, one in enumerate(self.problem.limits) if by_instants(self.problem, one)]
+        places = [
+            place for place, limit in enumerate(self.problem.limits) if by_instants(self.problem, limit)
+        ]
         return InstantRows(self.problem, places, self.input_scale)
 
     @cached_property
@@ -65,16 +70,16 @@ class Unrolled(WrittenTerms):
         # Of every limit the rows that a program has without slots.
         none = self.instants.without
         return [
-            Rows(ca.SX(0, 1), none[place].lower, none[place].upper, one.size, one.unit)
+            Rows(ca.SX(0, 1), none[place].lower, none[place].upper, rows.size, rows.unit)
             if place in none
-            else one
-            for place, one in enumerate(self.limits)
+            else rows
+            for place, rows in enumerate(self.limits)
         ]
 
     @cached_property
     def rows(self) -> list[RowBounds]:
         """Bounds of every limit's rows, without those of instants."""
-        return [RowBounds(one.lower, one.upper, one.size, one.unit) for one in self._fixed]
+        return [RowBounds(rows.lower, rows.upper, rows.size, rows.unit) for rows in self._fixed]
 
     @property
     def sizes(self) -> list[int]:
@@ -94,7 +99,7 @@ class Unrolled(WrittenTerms):
     @cached_property
     def scores(self) -> ca.Function:
         """Z -> entries, the most that limits are exceeded by."""
-        worst = [excess(one.expression, one) for one in self.limits]
+        worst = [excess(rows.expression, rows) for rows in self.limits]
         return scores_of(self.unknowns, self.entries, worst)
 
     @property
@@ -105,7 +110,7 @@ class Unrolled(WrittenTerms):
     @cached_property
     def fixed_rows(self) -> Expression:
         """The limits' rows that a program has without slots, stacked (SX)."""
-        return ca.vertcat(*(one.expression for one in self._fixed))
+        return ca.vertcat(*(rows.expression for rows in self._fixed))
 
     @cached_property
     def whole(self) -> ca.Function:
@@ -120,12 +125,71 @@ class Unrolled(WrittenTerms):
         parts = [ca.densify(slope[:count, :]), slope[count:, :]]
         return ca.Function("unrolled_slopes", [self.unknowns], parts)
 
-    def sweep(self) -> UnrolledSweep:
-        """The terms at z."""
-        return UnrolledSweep(self)
+    @cached_property
+    def _functions(self) -> dict[int, Functions]:
+        return {}
+
+    def functions(self, slots: int = 0) -> Functions:
+        """Return the terms' functions with so many slots for rows of instants."""
+        if slots not in self._functions:
+            self._functions[slots] = _functions_of(self, slots)
+        return self._functions[slots]
+
+    @cached_property
+    def _scorers(self) -> dict[tuple[int, int], DirectCall]:
+        return {}
+
+    def scored(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
+        """Return the entries (K, e) of candidates, and the most by which they exceed each limit (K, limits).
+
+        Args:
+            candidates: unknowns, (K, size).
+            threads: number of threads, which changes no digit.
+        """
+        count, workers = len(candidates), min(threads, len(candidates))
+        if (count, workers) not in self._scorers:
+            several = ("thread", workers) if workers > 1 else ()
+            self._scorers[count, workers] = DirectCall(self.scores.map(count, *several))
+        entries, excess = self._scorers[count, workers](candidates)
+        return entries.reshape(count, -1), excess.reshape(count, -1)
 
 
-class UnrolledSweep(Swept):
+def _functions_of(terms: Unrolled, count: int) -> Functions:
+    sweep, slots = UnrolledSweep(terms), terms.slots(count)
+    arguments, rows, slopes = [sweep.z], sweep.rows, sweep.row_slopes
+    weights = [ca.MX.sym("entries", terms.entry_count), ca.MX.sym("rows", rows.shape[0] + count)]
+    fixed, on_slots = ca.vertsplit(weights[1], [0, rows.shape[0], weights[1].shape[0]])
+    weighted, more = list[Weighted](), ca.MX(terms.size, terms.size)
+    if count:
+        numbers = ca.MX.sym("numbers", slots.width)
+        begun = sweep.begun(slots.split(numbers)[0])
+        around = slots.around(sweep.z, begun, numbers, terms.size)
+        arguments.append(numbers)
+        rows, slopes = ca.vertcat(rows, around.values), ca.vertcat(slopes, around.slopes)
+        weighted_begins, more = around.curvature(on_slots)
+        weighted.append(weighted_begins)
+    curvature = ca.triu(sweep.curvature(weights[0], fixed, weighted) + more)
+    calls = [
+        ca.Function("terms", arguments, [ca.densify(sweep.entries), ca.densify(rows)]),
+        ca.Function("slopes", arguments, [ca.densify(sweep.entry_slopes), Packed(slopes).entries]),
+        ca.Function("curvature", [*arguments, *weights], [Packed(curvature).entries]),
+    ]
+    patterns = [
+        [ca.Sparsity.dense(terms.entry_count), ca.Sparsity.dense(rows.shape[0])],
+        [ca.Sparsity.dense(terms.entry_count, terms.size), slopes.sparsity()],
+        [curvature.sparsity()],
+    ]
+    return Functions(
+        *(
+            ArrayFunction(
+                call.name(), [call.numel_in(place) for place in range(call.n_in())], results, DirectCall(call)
+            )
+            for call, results in zip(calls, patterns, strict=True)
+        )
+    )
+
+
+class UnrolledSweep:
     """The terms at z: functions of what is written out (SX).
 
     Args:
@@ -156,28 +220,29 @@ class UnrolledSweep(Swept):
         drive, scale = self.terms.drive, ca.DM(1 / self.terms.input_scale)
         return ca.horzcat(drive.states[drive.begins, :], self.terms.held @ ca.diag(scale))
 
-    def begun(self, samples: Expression) -> BegunUnrolled:
+    def begun(self, samples: Expression) -> Begun:
         """What is known at some samples' begins."""
-        return BegunUnrolled(self, samples)
+        states = len(self.terms.problem.system.states)
+        return Begun(self.begins, states, self.terms.unknowns, self.z, samples)
 
     def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighted]) -> Expression:
         """Second derivatives by z."""
-        parts, given = [self.terms.entries, self.terms.fixed_rows], [entries, rows]
+        parts, weights = [self.terms.entries, self.terms.fixed_rows], [entries, rows]
         if begun:
-            own = self.begins[:, : len(self.terms.problem.system.states)].T
-            parts.append(ca.vec(own))
-            given.append(sum(one.begun.weighted(one.states) for one in begun))  # type: ignore[attr-defined]
-        symbols = [ca.SX.sym("weights", one.shape[0]) for one in parts]
+            states = self.begins[:, : len(self.terms.problem.system.states)].T
+            parts.append(ca.vec(states))
+            weights.append(sum(part.begun.weighted(part.states) for part in begun))
+        symbols = [ca.SX.sym("weights", part.shape[0]) for part in parts]
         weighted = sum(ca.dot(*both) for both in zip(symbols, map(ca.densify, parts), strict=True))
         arguments = [self.terms.unknowns, *symbols]
         slope = ca.gradient(weighted, self.terms.unknowns)
         gradient = ca.Function("unrolled_gradient", arguments, [slope])
-        inner = sum(_inner(one) for one in begun if one.bent)
+        inner = sum(_inner(part) for part in begun if part.bent)
         if gradient.n_instructions() * self.terms.size > LARGE:
-            return _by_directions(gradient, [self.z, *given]) + inner
+            return _by_directions(gradient, [self.z, *weights]) + inner
         # Every unknown meets every other somewhere: finding that out would take longer than using it.
         curvature = ca.jtimes(slope, self.terms.unknowns, ca.SX.eye(self.terms.size))
-        return ca.Function("unrolled_curvature", arguments, [curvature])(self.z, *given) + inner
+        return ca.Function("unrolled_curvature", arguments, [curvature])(self.z, *weights) + inner
 
 
 def _by_directions(gradient: ca.Function, given: Sequence[Expression]) -> Expression:
@@ -192,41 +257,9 @@ def _inner(weighted: Weighted) -> Expression:
     # Second derivatives by z of what enters by some of the states and inputs.
     begun, width = weighted.begun, len(weighted.bent)
     slopes = begun.slopes[:, begun.of(weighted.bent)]
-    slope, own = ca.MX.sym("slope", slopes.shape[0], width), ca.MX.sym("inner", width, width)
-    half = ca.Function("half", [slope, own], [slope @ own]).map(begun.states.shape[1])
+    slope, curvature = ca.MX.sym("slope", slopes.shape[0], width), ca.MX.sym("inner", width, width)
+    half = ca.Function("half", [slope, curvature], [slope @ curvature]).map(begun.states.shape[1])
     return slopes @ half(slopes, weighted.inner).T
-
-
-class BegunUnrolled(Begun):
-    """What is known at the begins of some samples of a drive that is written out.
-
-    Args:
-        sweep: of the drive.
-        samples: which, (1, K).
-    """
-
-    def __init__(self, sweep: UnrolledSweep, samples: Expression) -> None:
-        """Take both."""
-        self._sweep, self._samples = sweep, samples
-        self._each = sweep.begins.shape[1]
-        self._states = len(sweep.terms.problem.system.states)
-        whole = ca.Function("begins", [sweep.terms.unknowns], [ca.densify(sweep.begins.T)])(sweep.z)
-        both = gathered(whole, first_entries(samples, self._each, self._each))
-        self.states, self.held = both[: self._states, :], both[self._states :, :]
-
-    @cached_property
-    def slopes(self) -> Expression:
-        """Derivatives by z."""
-        terms, begins = self._sweep.terms, self._sweep.begins
-        slope = ca.densify(ca.jacobian(ca.vec(begins.T), terms.unknowns).T)
-        whole = ca.Function("begins_slopes", [terms.unknowns], [slope])(self._sweep.z)
-        width = terms.size * self._each
-        return ca.reshape(gathered(whole, first_entries(self._samples, width, width)), terms.size, -1)
-
-    def weighted(self, weights: Expression) -> Expression:
-        """Weights (states, K) of the states as those of all samples' states, (states * samples,)."""
-        places = first_entries(self._samples, self._states, self._states)
-        return scattered(ca.vec(weights), ca.vec(places), self._states * self._sweep.begins.shape[0])
 
 
 class OtherRobots:
@@ -281,6 +314,8 @@ def _once(rows: Rows, unknowns: Expression) -> Rows:
     return _chosen(rows, said_once(steep, constants.ravel(), rows))
 
 
-def _chosen(rows: Rows, kept: Bools) -> Rows:
-    places = np.flatnonzero(kept).tolist()
-    return replace(rows, expression=rows.expression[places], lower=rows.lower[kept], upper=rows.upper[kept])
+def _chosen(rows: Rows, chosen: Bools) -> Rows:
+    places = np.flatnonzero(chosen).tolist()
+    return replace(
+        rows, expression=rows.expression[places], lower=rows.lower[chosen], upper=rows.upper[chosen]
+    )
