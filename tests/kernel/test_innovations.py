@@ -14,7 +14,7 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
-from oed.kernel.measurement.innovations import filter_of
+from oed.kernel.measurement.filter import filter_of
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import precision_over_time
 from oed.optimize import Ipopt, solve

@@ -21,7 +21,7 @@ from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.system import stepper
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.innovations import Filter, filter_of, taken_in
+from oed.kernel.measurement.filter import Filter, filter_of, reads_of, taken_in
 from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.process_noise import ProcessNoise
 
@@ -238,20 +238,18 @@ class Smoother:
         table = ca.MX.sym("readings", sum(used.rows), samples + 1)
         # The path is off itself by nothing where it begins.
         begin, none = ca.horzcat(used.begin[0], ca.DM.zeros(used.states)), used.begin[1]
-        period, reads = self.trajectory.period, used.reads(samples)
-        along = used.tracking.mapaccum("along", samples, 2)
-        every = used.remembering(path)
-        given = every[:, :-1], inputs, parameters, period, reads[:, :-1], own, table[:, :-1], path[:, 1:]
-        slopes, spreads, rows, onward, seen = along(begin, none, *given)
-        end = slopes[:, -width:], spreads[:, -used.states :]
-        ended = every[:, -1], inputs[:, -1], parameters, period, reads[:, -1], own, table[:, -1]
-        last = used.ending(*end, *ended)
+        # Behind the last instant nothing follows.
+        along = used.tracking.mapaccum("along", samples + 1, 2)
+        held, following = ca.horzcat(inputs, inputs[:, -1]), ca.horzcat(path[:, 1:], path[:, -1])
+        moments = used.remembering(path), held, parameters, self.trajectory.period
+        reads = ca.DM(reads_of(used.sensors, samples))
+        slopes, spreads, rows, onward, seen = along(begin, none, *moments, reads, own, table, following)
         results = [
-            ca.horzcat(begin, slopes),
-            ca.horzcat(none, spreads),
-            ca.horzcat(rows, last[0]),
-            onward,
-            ca.horzcat(seen, last[1]),
+            ca.horzcat(begin, slopes[:, :-width]),
+            ca.horzcat(none, spreads[:, : -used.states]),
+            rows,
+            onward[:, : -used.states],
+            seen,
         ]
         return ca.Function("run", [path, inputs, parameters, own, table], list(map(ca.densify, results)))
 

@@ -12,8 +12,7 @@ from oed.foundation.errors import Issue
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.blocks import Block, Nuisance
-from oed.kernel.measurement.filter_rows import memories_of
-from oed.kernel.measurement.innovations import innovations
+from oed.kernel.measurement.filter import innovations, memories_of
 from oed.kernel.measurement.measurement import Cuts, Measurement, Sensor, process_noise_of
 from oed.kernel.measurement.readings import joint_readings, labelled_nuisances
 

@@ -20,37 +20,61 @@ from oed.kernel.measurement.moment import Moment
 
 
 @lru_cache(maxsize=64)
-def moment_reading(sensor: Sensor, system: System) -> ca.Function:
-    """Return a sensor's reading as a function of (state, S, inputs, parameters, nuisances, period).
+def reader(sensor: Sensor, system: System, signal: str = "") -> ca.Function:
+    """Return the function (state, inputs, parameters, nuisances, period, error) -> a sensor's reading (q,)
+    and its whitening (q, q), sparse.
 
-    S (states, p + states) are the state's derivatives by parameters and start. For a reading between two
-    moments the states, S and inputs of the later one stand above those of the earlier, and the period is the
-    time between them. The results are the reading (q,), its derivatives by parameters, start and nuisances
-    (columns, q), its whitening (q, q), sparse, and the first two in units of the noise.
+    For a reading between two moments the state and inputs of the later one stand above those of the earlier,
+    and the period is the time between them.
+
+    Args:
+        sensor: sensor that reads.
+        system: system that is driven.
+        signal: name of the system's signal that errs, by the error at the later moment; "" for none.
     """
-    states, size = len(system.states), len(system.parameters)
-    moments = 2 if sensor.when == "between samples" else 1
-    state, inputs = ca.SX.sym("state", moments * states), ca.SX.sym("inputs", moments * len(system.inputs))
-    parameters, constants = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
-    period = ca.SX.sym("period")
-    carried = ca.SX.sym("S", moments * states, size + states)
+    states, held, moments = (
+        len(system.states),
+        len(system.inputs),
+        2 if sensor.when == "between samples" else 1,
+    )
+    state, inputs = ca.SX.sym("state", moments * states), ca.SX.sym("inputs", moments * held)
+    parameters, period = ca.SX.sym("p", len(system.parameters)), ca.SX.sym("period")
+    constants, error = ca.SX.sym("nuisances", len(sensor.nuisances)), ca.SX(0, 1)
     names = [nuisance.name for nuisance in sensor.nuisances]
     nuisances = dict(zip(names, ca.vertsplit(constants), strict=True))
+    lasting = period if sensor.when == "in periods" else 0.0
     moment: Moment | None = None
     for place in reversed(range(moments)):
-        at, held = (
-            column[place * size : (place + 1) * size, :]
-            for column, size in ((state, states), (inputs, len(system.inputs)))
-        )
-        lasting = period if sensor.when == "in periods" else 0.0
-        signals = system.signals(at, held, parameters, lasting)
-        moment = Moment(system, at, held, signals, nuisances, moment, period if moment else 0.0, lasting)
+        at = state[place * states : (place + 1) * states, :]
+        inputs_then = inputs[place * held : (place + 1) * held, :]
+        signals = dict(system.signals(at, inputs_then, parameters, lasting))
+        if signal and not place:
+            error = ca.SX.sym("error", signals[signal].shape[0])
+            signals[signal] = signals[signal] + error
+        elapsed = period if moment else 0.0
+        moment = Moment(system, at, inputs_then, signals, nuisances, moment, elapsed, lasting)
     assert moment is not None
     # Sparse: readings of many points are independent of each other.
     reading, whitening = sensor.reading(moment), ca.sparsify(ca.SX(sensor.whitening(moment)))
     if whitening.shape != 2 * (reading.numel(),):
         text = f"expected {2 * (reading.numel(),)}, as its reading has entries, got {whitening.shape}"
         raise UserMistake(f"measurement: the whitening of {sensor.kind}: {text}")
+    return ca.Function("reader", [state, inputs, parameters, constants, period, error], [reading, whitening])
+
+
+@lru_cache(maxsize=64)
+def moment_reading(sensor: Sensor, system: System) -> ca.Function:
+    """Return a sensor's reading as a function of (state, S, inputs, parameters, nuisances, period).
+
+    S (states, p + states) are the state's derivatives by parameters and start; for a reading between two
+    moments those of the later one stand above those of the earlier, see `reader`. The results are the reading
+    (q,), its derivatives by parameters, start and nuisances (columns, q), its whitening (q, q), sparse, and
+    the first two in units of the noise.
+    """
+    read, states = reader(sensor, system), len(system.states)
+    state, inputs, parameters, constants, period, none = read.sx_in()
+    carried = ca.SX.sym("S", state.shape[0], parameters.shape[0] + states)
+    reading, whitening = read(state, inputs, parameters, constants, period, none)
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
     through = ca.jacobian(reading, state) @ carried + direct
     jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, constants)))
@@ -70,17 +94,11 @@ def reading_by_signal(sensor: Sensor, system: System, name: str) -> ca.Function:
         system: system whose signal it is.
         name: name of the signal.
     """
-    state, inputs = ca.SX.sym("state", len(system.states)), ca.SX.sym("inputs", len(system.inputs))
-    parameters = ca.SX.sym("p", len(system.parameters))
-    constants = ca.SX.sym("nuisances", len(sensor.nuisances))
-    period = ca.SX.sym("period")
-    nuisances = {nuisance.name: constants[place] for place, nuisance in enumerate(sensor.nuisances)}
-    signals = dict(system.signals(state, inputs, parameters, period))
-    more = ca.SX.sym("more", *signals[name].shape)
-    signals[name] = signals[name] + more
-    reading = sensor.reading(Moment(system, state, inputs, signals, nuisances, None, 0.0))
-    slopes = ca.substitute(ca.jacobian(reading, more), more, ca.SX.zeros(*more.shape))
-    return ca.Function("by_signal", [state, inputs, parameters, constants, period], [ca.densify(slopes).T])
+    read = reader(sensor, system, name)
+    *arguments, error = read.sx_in()
+    slopes = ca.jacobian(read(*arguments, error)[0], error)
+    slopes = ca.substitute(slopes, error, ca.SX.zeros(*error.shape))
+    return ca.Function("by_signal", arguments, [ca.densify(slopes).T])
 
 
 def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
@@ -111,7 +129,7 @@ def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
     if joint is not None:
         weights = ca.diagcat(*[ca.DM(joint)] * drive.runs)
         white_response, white_transposed = weights @ ca.vec(response), transposed @ weights.T
-    return ca.vec(white_response), _by_run(white_transposed, drive).T
+    return ca.vec(white_response), by_run(white_transposed, drive).T
 
 
 def whole_whitening(sensor: Sensor, rows: int) -> Array | None:
@@ -128,8 +146,13 @@ def whole_whitening(sensor: Sensor, rows: int) -> Array | None:
     return whitening
 
 
-def _by_run(transposed: Expression, drive: Drive) -> Expression:
-    # Every run has its own start state: rows of derivatives by it, for the readings of that run.
+def by_run(transposed: Expression, drive: Drive) -> Expression:
+    """Return derivatives (columns, M) of readings run by run with rows for every run's start state.
+
+    Args:
+        transposed: derivatives by parameters, the own run's start states and nuisances, (rows, M).
+        drive: drive with the runs.
+    """
     if drive.runs == 1:
         return transposed
     size, states = len(drive.system.parameters), len(drive.system.states)

@@ -11,7 +11,7 @@ from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.system import follows_state
-from oed.kernel.measurement.filter_rows import reads_of
+from oed.kernel.measurement.filter import reads_of
 from oed.kernel.measurement.joint import cuts_of
 from oed.kernel.problem import Problem
 from oed.optimize.condensed.calls import ArrayFunction

@@ -14,8 +14,7 @@ import numpy as np
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.measurement.filter_rows import memories_of, reads_of
-from oed.kernel.measurement.innovations import Filter, filter_of
+from oed.kernel.measurement.filter import Filter, filter_of, memories_of, reads_of
 from oed.kernel.measurement.joint import cuts_of as measurement_cuts
 from oed.kernel.measurement.measurement import Cuts, process_noise_of
 from oed.kernel.measurement.readings import joint_readings
@@ -268,7 +267,7 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
         belief = _known_begin(used), used.remembering(state)
         # Where nothing follows no memory begins.
         now = ca.DM([*reads, *[0.0] * len(used.memories)])
-        rows = used.last(*belief[0], belief[1], *rest, now)[:, _columns(problem, used)]
+        rows = used.period(*belief[0], belief[1], *rest, now)[2][:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
 
