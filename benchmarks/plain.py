@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.forms import SEGMENTS
 from oed.foundation.arrays import Places
+from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
@@ -76,17 +77,17 @@ def multiple_shooting(
 def _drive(problem: Problem, unknowns: ca.SX, start: ca.SX, runs: int) -> Drive:
     space, inputs = problem.design, len(problem.model.inputs)
     largest = np.abs(problem.input_bounds).max(axis=1)
-    free = ca.reshape(unknowns, -1, inputs) @ ca.diag(ca.DM(largest))
-    coefficients = ca.SX.zeros(space.all_coefficients, inputs)
-    coefficients[space.free_rows.tolist(), :] = free
+    embedding = Embedding(space, inputs)
+    scaled = unknowns * ca.DM(embedding.spread(largest))
+    bounding = embedding.bounding(scaled)
     return roll_out(
         problem.system,
-        inputs=ca.sparsify(ca.DM(space.sampling_matrix)) @ coefficients,
+        inputs=embedding.held_inputs(scaled),
         start=start,
         parameters=ca.SX(ca.DM(problem.system.nominal)),
         period=ca.SX(space.period),
-        input_values=coefficients,
-        input_rates=ca.sparsify(ca.DM(space.rate_matrix)) @ coefficients,
+        input_values=bounding.values,
+        input_rates=bounding.rates,
         runs=runs,
     )
 

@@ -36,9 +36,8 @@ class Staged:
         self.own = [*own, stages.criterion.equalities.shape[0]]
         self.begins = [0, *np.cumsum([states[k + 1] + own[k] for k in range(SEGMENTS)]).tolist()]
         self.count = self.begins[-1] + self.own[-1]
-        space, problem = stages.problem.design, stages.problem
-        self._pose = np.array(problem.fixed_starts).ravel()
-        table = space.sampling_matrix.reshape(SEGMENTS, stages.samples, -1)
+        self._pose = np.array(stages.problem.fixed_starts).ravel()
+        table = stages.sampling.reshape(SEGMENTS, stages.samples, -1)
         self.splines = [
             np.pad(own[:, places], ((0, 0), (0, self.layout.width - len(places))))
             for own, places in zip(table, self.layout.windows, strict=True)

@@ -16,7 +16,9 @@ import numpy as np
 
 from benchmarks.forms import SEGMENTS
 from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.trajectory import bounding_values, middles
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
 
@@ -131,9 +133,16 @@ class Stages:
         self.slots = max(len(own) for own in self.instants)
         self.rates = list(self._rates())
 
+    @property
+    def sampling(self) -> Array:
+        """Matrix (N, n) that takes coefficients to the inputs held in each period."""
+        space = self.problem.design
+        times = middles(space.duration, space.samples)
+        return spline.basis(space.knots, space.spline.degree, times).toarray()
+
     def _windows(self) -> tuple[Places, ...]:
         space = self.problem.design
-        table = np.abs(space.sampling_matrix).reshape(SEGMENTS, self.samples, -1).max(axis=1)
+        table = np.abs(self.sampling).reshape(SEGMENTS, self.samples, -1).max(axis=1)
         return tuple(np.intersect1d(np.nonzero(own)[0], space.free_rows) for own in table)
 
     @cached_property
@@ -188,13 +197,15 @@ class Stages:
         # Rows of accelerations are linear in neighbouring coefficients: each is of the first stage with both.
         space = self.problem.design
         table = ca.SX.sym("coefficients", 2, space.all_coefficients)
+        identity = np.eye(space.all_coefficients)
+        rates = bounding_values(space.knots, space.spline.degree, identity, 1, space.samples)
         drive = roll_out(
             self.problem.system,
             inputs=ca.SX(self.samples, 2),
             start=ca.SX(STATES, 1),
             parameters=ca.SX(ca.DM(self.problem.system.nominal)),
             period=ca.SX(space.period),
-            input_rates=ca.DM(space.rate_matrix) @ table.T @ ca.diag(ca.DM(self.largest)),
+            input_rates=ca.DM(rates) @ table.T @ ca.diag(ca.DM(self.largest)),
         )
         rows = self.limits["wheel_acceleration"].rows(drive)
         whole = np.array(ca.evalf(ca.jacobian(ca.vec(rows.expression), ca.vec(table)))) / rows.size

@@ -31,7 +31,7 @@ def coarsened(problem: Problem, samples: int) -> Problem:
     """The problem on so many samples per run; itself where its measurement needs all of them."""
     space = problem.design
     measurement = problem.measurement.coarser(space.samples / samples)
-    # What signals hold is known by all periods.
-    if measurement is None or samples >= space.samples or space.own_signals:
+    # Steps are known by the values of all periods.
+    if measurement is None or samples >= space.samples or space.stores_steps:
         return problem
     return replace(problem, measurement=measurement, design=space.model_copy(update={"samples": samples}))

@@ -130,7 +130,7 @@ def _system_issues(problem: Statement) -> Iterator[Issue]:
 
 def _part_issues(problem: Statement) -> Iterator[Issue]:
     model, space = problem.model, problem.design
-    yield from _signal_issues(problem) if space.own_signals else _spline_issues(space)
+    yield from _input_issues(problem)
     yield from _start_issues(problem)
     for limit in problem.limits:
         yield from limit.issues(model, space)
@@ -147,23 +147,18 @@ def _part_issues(problem: Statement) -> Iterator[Issue]:
         yield from model.doubts(problem)
 
 
-def _spline_issues(space: Space) -> Iterator[Issue]:
-    needed = space.spline.degree + (3 if space.rest_to_rest else 1)
-    if space.spline.count < needed:
-        text = (
-            f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
-            f"needs at least {needed} coefficients, got {space.spline.count}"
-        )
-        yield Issue(("trajectory", "spline", "coefficients"), text)
-
-
-def _signal_issues(problem: Statement) -> Iterator[Issue]:
+def _input_issues(problem: Statement) -> Iterator[Issue]:
     space, names = problem.design, problem.model.input_names
-    if len(space.own_signals) != len(names):
-        text = f"expected one for each input ({', '.join(names)}), got {len(space.own_signals)}"
+    if not space.stores_steps:
+        if shortage := space.spline.signal(rest_to_rest=space.rest_to_rest).shortage:
+            yield Issue(("trajectory", "spline", "coefficients"), shortage)
+        return
+    signals = space.signals_of(len(names))
+    if len(signals) != len(names):
+        text = f"expected one for each input ({', '.join(names)}), got {len(signals)}"
         yield Issue(("trajectory", "signals"), text)
         return
-    for place, (signal, bounds) in enumerate(zip(space.own_signals, problem.input_bounds, strict=True)):
+    for place, (signal, bounds) in enumerate(zip(signals, problem.input_bounds, strict=True)):
         if doubt := signal.doubts(space.duration, space.samples) or signal.misfit(*bounds):
             yield Issue(("trajectory", "signals", place), f"{names[place]}: {doubt}")
     if space.rest_to_rest:

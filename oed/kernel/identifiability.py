@@ -14,7 +14,7 @@ import numpy as np
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, NotFinite, ProblemError, TooLarge
-from oed.kernel.dynamics.embedding import Embedding, embedding_of
+from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
@@ -183,27 +183,12 @@ def _random_drive(
     # Inputs at shares of their ranges. Whether it keeps to the room does not matter here.
     space, ranges = problem.design, problem.input_bounds
     bounds = np.where(np.isfinite(ranges), ranges, [-ANY, ANY])
-    if space.own_signals:
-        coefficients = _random_signals(embedding_of(space, len(bounds)), bounds, rng, shares)
-    else:
-        coefficients = np.clip(np.zeros((space.all_coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
-        shape = (len(space.free_rows), len(bounds))
-        low, high = bounds.T
-        coefficients[space.free_rows] = low + (high - low) * shares(rng, shape)
+    embedding = Embedding(space, len(bounds))
+    drawn = np.concatenate([np.zeros(0), *(shares(rng, (size, 1)).ravel() for size in embedding.sizes)])
+    low, high = embedding.bounds(bounds).T
+    coefficients = embedding.table(embedding.within((low + (high - low) * drawn)[None, :], bounds)[0])
     chosen = problem.chosen_starts
     if chosen is None:
         assert problem.fixed_starts is not None
         return space.trajectory(coefficients, problem.fixed_starts)
     return space.trajectory(coefficients, chosen.states(rng.uniform(-1, 1, chosen.size)))
-
-
-def _random_signals(
-    embedding: Embedding,
-    bounds: Array,
-    rng: np.random.Generator,
-    shares: Callable[[np.random.Generator, tuple[int, ...]], Array],
-) -> Array:
-    # Values held (n, inputs), each input's unknowns at shares of their own ranges.
-    drawn = np.concatenate([shares(rng, (count, 1)).ravel() for count in embedding.sizes])
-    low, high = embedding.bounds(bounds).T
-    return embedding.table(embedding.within((low + (high - low) * drawn)[None, :], bounds)[0])

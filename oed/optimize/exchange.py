@@ -14,9 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from oed.foundation.arrays import Array, Places
-from oed.kernel.dynamics import spline
-from oed.kernel.dynamics.embedding import OneSpline
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.rollout import FINE
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
@@ -107,24 +105,11 @@ class Exchange:
             shift = self.lower_level.at(coarse, instants) - self.lower_level.at(drive, instants)
             lower, upper = lower + shift, upper + shift
         sample, elapsed = within(instants, space.samples, space.period)
-        basis, places = self._basis(instants)
+        if self._rows.asking:
+            basis, places = self._terms.embedding.basis(instants.run, instants.time)
+        else:
+            basis, places = np.zeros((0, len(instants))), np.zeros((0, len(instants)), dtype=int)
         return Chosen(sample, elapsed, instants.row, basis, places, lower, upper, self._rows.count)
-
-    def _basis(self, instants: Instants) -> tuple[Array, Places]:
-        # Values of the nonzero basis functions, and the places of their unknowns of the first input.
-        embedding, space = self._terms.embedding, self._searched.design
-        if not self._rows.asking:
-            return np.zeros((0, len(instants))), np.zeros((0, len(instants)), dtype=int)
-        assert isinstance(embedding, OneSpline)
-        degree = space.own_spline.degree
-        band = spline.basis(space.own_knots, degree, instants.time)
-        first = instants.run * (space.all_coefficients // space.runs)
-        every = first[:, None] + band.places
-        # Coefficients that the rest at the ends fixes are no unknowns.
-        place = np.full(space.all_coefficients, -1)
-        place[embedding.free] = np.arange(len(embedding.free))
-        unknown = place[every]
-        return np.where(unknown < 0, 0.0, band.entries).T, np.maximum(unknown, 0).T
 
     def solve(
         self,

@@ -116,7 +116,7 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     inputs, duration = np.vstack([run.inputs for run in runs]), sum(run.duration for run in runs)
     if starts is None:
         starts = problem.start_states(np.zeros((len(runs), model.chosen_states)))
-    if space.own_signals or space.only is not None:
+    if space.stores_steps or space.only is not None:
         # Such experiments are steps, which a file has all of.
         own = clamped_knots(duration / len(runs), len(inputs) // len(runs), 0)
         return Trajectory(

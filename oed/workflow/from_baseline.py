@@ -76,7 +76,7 @@ def options_from(study: Study, best: Solution | None) -> Ipopt | None:
     options = next((solver for solver in for_study if isinstance(solver, Ipopt)), None)
     if options is None or best is None or best.kind != "baseline":
         return None
-    if problem.selection is not None or lift(problem) is not None or problem.design.own_spline.degree == 0:
+    if problem.selection is not None or lift(problem) is not None or problem.design.stored_spline.degree == 0:
         return None
     name, tolerance = f"{options.label}_from_{best.name}", max(options.tolerance, CLOSE)
     changes = {"name": name, "start_from": best.name, "second_stage": "none", "tolerance": tolerance}
@@ -121,6 +121,6 @@ def _if_better(solution: Solution, best: Solution, work: Work) -> list[Solution]
 
 def _on_knots(trajectory: Trajectory, space: Space) -> Trajectory:
     # The coefficients of a spline of degree 1 are its values at the knots.
-    count = space.own_spline.count
+    count = space.stored_spline.count
     tables = [run.inputs_at(np.linspace(0.0, run.duration, count)) for run in trajectory.each]
     return space.trajectory(np.concatenate(tables), trajectory.starts)

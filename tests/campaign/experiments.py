@@ -97,7 +97,7 @@ def _drawn(rng: Rng, study: ExperimentStudy) -> Trial:
 
 def _searchable(problem: oed.Problem) -> bool:
     design, states = problem.design, len(problem.model.states)
-    count = sum(one.unknowns * design.runs for one in design.own_signals) + states * design.runs
+    count = sum(one.unknowns * design.runs for one in getattr(design, "signals", ())) + states * design.runs
     # Implicit steps of many states are written out, and take minutes.
     implicit = getattr(problem.model, "integrator", "") == "radau" and states
     return count <= SEARCHABLE and design.all_samples <= PERIODS and not implicit
@@ -120,9 +120,10 @@ def trajectory_of(problem: oed.Problem, trial: Trial) -> oed.Trajectory:
 
 def _signals(rng: Rng, study: ExperimentStudy, problem: oed.Problem) -> Iterator[Verdict]:
     # What unknowns of a signal hold.
-    if not problem.design.own_signals:
+    signals = getattr(problem.design, "signals", ())
+    if not signals:
         return
-    own = zip(problem.design.own_signals, signals_of(study.spec).items(), strict=True)
+    own = zip(signals, signals_of(study.spec).items(), strict=True)
     for said, (name, signal) in own:
         low, high = study.spec["experiment"]["inputs"][name]["range"]
         unknowns = draw_unknowns(rng, signal, low, high)

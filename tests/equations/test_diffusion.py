@@ -143,7 +143,7 @@ def test_a_search_that_chooses_the_duration_sees_the_noise_of_the_time_it_takes(
     assert search is not None
     terms = Condensed(search)
     z = np.random.default_rng(1).uniform(0.4, 0.9, terms.size)
-    table = np.array(ca.Function("table", [terms.unknowns], [terms.coefficients])(z))
+    table = terms.embedding.table(z[: terms.coefficient_count] * terms.embedding.spread(terms.input_scale))
     chosen = scored(search, search.design.trajectory(table, np.array([0.2, 0.1])), "chosen")
     own = lower(problem, chosen)
     assert 2.0 < own.trajectory.duration < 6.0

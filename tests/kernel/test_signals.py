@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline
 
 import oed
 from oed.foundation.errors import PartError, ProblemError
-from oed.kernel.dynamics.embedding import HeldSignals, OneSpline, embedding_of
+from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.signals import (
     SIGNALS,
     Constant,
@@ -112,8 +112,7 @@ class TestMixedSpaces:
         assert space.rest_to_rest is False
 
     def test_a_table_and_its_unknowns(self):
-        embedding = embedding_of(mixed(), 3)
-        assert isinstance(embedding, HeldSignals)
+        embedding = Embedding(mixed(), 3)
         assert embedding.sizes == (10, 2, 5)
         unknowns = np.random.default_rng(0).normal(size=embedding.size)
         table = embedding.table(unknowns)
@@ -127,14 +126,14 @@ class TestMixedSpaces:
 
     @pytest.mark.parametrize("place", [0, 1, 2])
     def test_of_other_drives_there_are_no_unknowns(self, place: int):
-        embedding = embedding_of(mixed(), 3)
+        embedding = Embedding(mixed(), 3)
         table = embedding.table(np.random.default_rng(0).normal(size=embedding.size))
         table[3, place] += 1e-3
         with pytest.raises(ValueError, match=rf"^input {place + 1} of the trajectory is not"):
             embedding.unknowns(table)
 
     def test_what_is_shared_is_the_same_in_all_runs(self):
-        embedding = embedding_of(mixed(), 3)
+        embedding = Embedding(mixed(), 3)
         table = embedding.table(np.random.default_rng(0).normal(size=embedding.size))
         table[SAMPLES:, 2] *= 2
         with pytest.raises(ValueError, match="fourier, the same in all runs"):
@@ -142,8 +141,7 @@ class TestMixedSpaces:
 
     def test_one_spline_is_as_it_was(self):
         space = oed.SignalSpace(duration=4, samples=24, spline=oed.Spline(coefficients=7), runs=2)
-        embedding = embedding_of(space, 2)
-        assert isinstance(embedding, OneSpline)
+        embedding = Embedding(space, 2)
         unknowns = np.random.default_rng(0).normal(size=embedding.size)
         expected = np.zeros((14, 2))
         expected[space.free_rows] = unknowns.reshape(-1, 2, order="F")

@@ -46,7 +46,7 @@ def test_readings_say_as_much_as_in_the_time_that_is_chosen(sensor):
     search = lift(problem)
     terms = Condensed(search)
     z = np.random.default_rng(1).uniform(0.4, 0.9, terms.size)
-    table = np.array(ca.Function("table", [terms.unknowns], [terms.coefficients])(z))
+    table = terms.embedding.table(z[: terms.coefficient_count] * terms.embedding.spread(terms.input_scale))
     own = lower(problem, scored(search, search.design.trajectory(table, np.array([0.2])), "chosen"))
     assert 2.0 < own.trajectory.duration < 6.0
     (estimation,) = problem.any_estimations

@@ -154,16 +154,21 @@ class SplineSignal(Signal):
         table = spline.basis(knots, self.degree, middles(duration, samples)).toarray()
         return table[:, 1:-1] if self.rest_to_rest else table
 
+    @property
+    def shortage(self) -> str:
+        """Message that there are too few coefficients; "" where there are enough."""
+        needed = self.degree + (3 if self.rest_to_rest else 1)
+        if self.coefficients >= needed:
+            return ""
+        rest = " at rest at both ends" if self.rest_to_rest else ""
+        return (
+            f"a degree-{self.degree} spline{rest} needs at least {needed} coefficients, "
+            f"got {self.coefficients}"
+        )
+
     def doubts(self, duration: float, samples: int) -> str:
         """Too few coefficients, or more than samples."""
-        needed = self.degree + (3 if self.rest_to_rest else 1)
-        if self.coefficients < needed:
-            rest = " at rest at both ends" if self.rest_to_rest else ""
-            return (
-                f"a degree-{self.degree} spline{rest} needs at least {needed} coefficients, "
-                f"got {self.coefficients}"
-            )
-        return super().doubts(duration, samples)
+        return self.shortage or super().doubts(duration, samples)
 
     def misfit(self, low: float, high: float) -> str:
         """A range without the rest that is asked for."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -14,9 +13,9 @@ from oed.foundation.arrays import Array, Places
 from oed.foundation.component import Component, OneOf
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics import spline
-from oed.kernel.dynamics.signals import SIGNALS, Signal
+from oed.kernel.dynamics.signals import SIGNALS, Signal, SplineSignal
 from oed.kernel.dynamics.system import System
-from oed.kernel.dynamics.trajectory import Trajectory, held_jerks, held_rates, middles
+from oed.kernel.dynamics.trajectory import Trajectory
 
 FIRST = 16
 """Coefficients that `auto` begins with, whatever the duration: the usual number, enough for every degree."""
@@ -48,6 +47,10 @@ class Spline(Component):
     def first(self) -> Spline:
         """The spline that searches begin with."""
         return Spline(degree=self.degree, coefficients=self.count)
+
+    def signal(self, *, rest_to_rest: bool) -> SplineSignal:
+        """Return the spline as the signal of an input, at rest at both ends or not."""
+        return SplineSignal(degree=self.degree, coefficients=self.count, rest_to_rest=rest_to_rest)
 
     @property
     def finer(self) -> Spline:
@@ -100,14 +103,18 @@ class Space(Component, ABC):
         return None
 
     @property
-    def own_signals(self) -> tuple[Signal, ...]:
-        """Signal of each input; () where all have one spline."""
-        return ()
+    def stores_steps(self) -> bool:
+        """True where drives are stored as the values held in their periods, whatever their signals are."""
+        return False
+
+    def signals_of(self, inputs: int) -> tuple[Signal, ...]:
+        """Return the signal of each input of a run, for so many inputs."""
+        return (self.spline.signal(rest_to_rest=self.rest_to_rest),) * inputs
 
     @property
-    def own_spline(self) -> Spline:
-        """The spline that every input of a run is: of signals, what they are held at."""
-        if self.own_signals:
+    def stored_spline(self) -> Spline:
+        """Spline as which an input's course in a run is stored."""
+        if self.stores_steps:
             return Spline.model_construct(degree=0, coefficients=self.samples)
         return self.spline
 
@@ -136,61 +143,29 @@ class Space(Component, ABC):
 
     @property
     def all_coefficients(self) -> int:
-        """Spline coefficients of an input in all runs together."""
-        return self.runs * self.own_spline.count
+        """Number of spline coefficients of an input in all runs together."""
+        return self.runs * self.stored_spline.count
 
     @property
     def knots(self) -> Array:
         """Knots of the splines [s], of all runs on one clock."""
-        return spline.repeated_knots(self.own_knots, self.own_spline.degree, self.runs)
+        return spline.repeated_knots(self.run_knots, self.stored_spline.degree, self.runs)
 
     @property
-    def own_knots(self) -> Array:
-        """Knots of one run's splines [s], on its own clock."""
-        return spline.clamped_knots(self.duration, self.own_spline.count, self.own_spline.degree)
+    def run_knots(self) -> Array:
+        """Knots of the splines of one run [s], on its own clock."""
+        return spline.clamped_knots(self.duration, self.stored_spline.count, self.stored_spline.degree)
 
     @property
-    def own_sampling(self) -> Array:
-        """Takes one run's coefficients to the inputs held in each of its periods."""
-        times = middles(self.duration, self.samples)
-        return spline.basis(self.own_knots, self.own_spline.degree, times).toarray()
-
-    @property
-    def sampling_matrix(self) -> Array:
-        """(N, n): takes coefficients to the inputs held in each period."""
-        return np.asarray(np.kron(np.eye(self.runs), self.own_sampling))
-
-    @property
-    def rate_matrix(self) -> Array:
-        """Takes coefficients to bounds of the inputs' rates: the derivative's coefficients, a convex hull
-        of the rate at all times; for degree 0, the rates from period to period.
-        """
-        if self.own_spline.degree == 0:
-            return self._of_every_run(held_rates)
-        return spline.derivative(self.knots, self.own_spline.degree)[0].toarray()
-
-    @property
-    def jerk_matrix(self) -> Array:
-        """Takes coefficients to bounds of the inputs' jerks; of degrees 0 and 1 to `held_jerks`."""
-        degree = self.own_spline.degree
-        if degree < 2:
-            return self._of_every_run(held_jerks)
-        first, knots = spline.derivative(self.knots, degree)
-        second, _ = spline.derivative(knots, degree - 1)
-        return second @ first.toarray()
-
-    def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
-        # The matrix of what is held of a run's splines, for all runs.
-        identity = np.eye(self.own_spline.count)
-        changes = held(self.own_knots, self.own_spline.degree, identity, self.samples)
-        return np.asarray(np.kron(np.eye(self.runs), changes))
+    def free(self) -> slice:
+        """Coefficients of a run that are free; the others are 0."""
+        return slice(1, -1) if self.rest_to_rest else slice(None)
 
     @property
     def free_rows(self) -> Places:
-        """Indices of the coefficients that are free; the others are 0."""
-        rows = np.arange(self.own_spline.count)
-        rows = rows[1:-1] if self.rest_to_rest else rows
-        return np.concatenate([run * self.own_spline.count + rows for run in range(self.runs)])
+        """Indices of the coefficients of all runs that are free; the others are 0."""
+        rows = np.arange(self.all_coefficients).reshape(self.runs, -1)
+        return rows[:, self.free].ravel()
 
     @property
     def usual_start(self) -> Array:
@@ -210,7 +185,7 @@ class Space(Component, ABC):
         """The drive of this space with these coefficients (n, inputs) and start states (runs, states)."""
         return Trajectory(
             self.knots,
-            self.own_spline.degree,
+            self.stored_spline.degree,
             np.asarray(coefficients),
             np.asarray(start),
             self.all_samples,
@@ -262,9 +237,13 @@ class SignalSpace(Space):
         return self
 
     @property
-    def own_signals(self) -> tuple[Signal, ...]:
-        """Signal of each input."""
-        return self.signals
+    def stores_steps(self) -> bool:
+        """True where inputs have signals."""
+        return bool(self.signals)
+
+    def signals_of(self, inputs: int) -> tuple[Signal, ...]:
+        """Return the signals as they are given, or one spline for all inputs."""
+        return self.signals or super().signals_of(inputs)
 
     @property
     def start_ranges(self) -> Array | None:

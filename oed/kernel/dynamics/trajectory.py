@@ -61,6 +61,27 @@ def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     return np.asarray(np.diff(held_rates(knots, degree, coefficients, samples), axis=0) / period)
 
 
+def bounding_values(knots: Array, degree: int, coefficients: Array, order: int, samples: int) -> Array:
+    """Return values (K, inputs) that bound the derivative of an order of inputs at all times: its spline's
+    coefficients, a convex hull, or else `held_rates` or `held_jerks`.
+
+    With `coefficients` (n, inputs) the identity, the matrix that takes coefficients to these values.
+
+    Args:
+        knots: knots of one run [s].
+        degree: degree of the run's splines.
+        coefficients: (n, inputs).
+        order: order of the derivative, 0 to 2.
+        samples: number N of periods of the run.
+    """
+    if order > degree:
+        return (held_rates, held_jerks)[order - 1](knots, degree, coefficients, samples)
+    for lower in range(degree, degree - order, -1):
+        steps, knots = spline.derivative(knots, lower)
+        coefficients = steps @ coefficients
+    return coefficients
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Trajectory(ByValue, Presented):
     """A drive: splines of the inputs over time, held sample by sample, from a start state.

@@ -77,10 +77,8 @@ class Condensed(Terms):
 
     def _drive(self, limits: WholeRuns | None) -> ca.Function:
         # What is linear in z.
-        z, embedding, fixed = ca.MX.sym("z", self.size), self.embedding, self._fixed
-        held = ca.MX(self.problem.design.all_samples, 0)
-        if embedding.inputs:
-            held = embedding.by_runs([without_zeros(matrix) for matrix in embedding.own_held], z)
+        z, fixed = ca.MX.sym("z", self.size), self._fixed
+        held = self.embedding.held_inputs(z)
         constant = ca.evalf(ca.substitute(self.starts.T, self.unknowns, ca.DM.zeros(self.size)))
         starts = ca.vec(constant) + without_zeros(self.start_slopes.reshape(-1, self.size)) @ z
         linear = without_zeros(fixed.slope) @ z + ca.DM(fixed.constant)
@@ -92,7 +90,7 @@ class Condensed(Terms):
         # Derivatives of the inputs held by a run's unknowns, (N, inputs, w), the starts behind all others.
         space, first = self.problem.design, 0
         slopes = np.zeros((space.samples, self.embedding.inputs, unknowns.per_run))
-        for place, held in enumerate(self.embedding.own_held):
+        for place, held in enumerate(self.embedding.held):
             slopes[:, place, first : first + held.shape[1]] = held
             first += held.shape[1]
         return slopes

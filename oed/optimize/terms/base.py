@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
-from oed.kernel.dynamics.embedding import Bounding, embedding_of
+from oed.kernel.dynamics.embedding import Bounding, Embedding
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
@@ -57,7 +57,7 @@ class Terms(ABC):
         space = problem.design
         self.problem, self.refine = problem, refine
         self.input_scale = np.abs(problem.input_bounds).max(axis=1)
-        self.embedding = embedding_of(space, len(problem.model.inputs))
+        self.embedding = Embedding(space, len(problem.model.inputs))
         self.coefficient_count, chosen = self.embedding.size, problem.chosen_starts
         self.size = self.coefficient_count + (0 if chosen is None else chosen.size)
         self.unknowns: Expression = ca.SX.sym("z", self.size)
@@ -83,14 +83,9 @@ class Terms(ABC):
         return self.unknowns[: self.coefficient_count, 0] * ca.DM(self.embedding.spread(self.input_scale))
 
     @property
-    def coefficients(self) -> Expression:
-        """Coefficients of all splines (SX of `unknowns`), (n, inputs)."""
-        return self.embedding.expressed(self._inputs_unknowns)
-
-    @property
     def held(self) -> Expression:
         """Inputs held in each period (SX of `unknowns`), (N, inputs)."""
-        return self.embedding.held(self.coefficients)
+        return self.embedding.held_inputs(self._inputs_unknowns)
 
     @cached_property
     def bounding(self) -> Bounding:

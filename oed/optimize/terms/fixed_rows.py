@@ -61,8 +61,6 @@ class FixedRows:
         slope, constant = map(np.array, both(np.zeros(terms.size)))
         slope, constant = slope.reshape(-1, terms.size), constant.ravel()
         moved = np.array(ca.DM(ca.jacobian_sparsity(expression, terms.unknowns), 1.0)) != 0
-        distinct = moved.reshape(-1, terms.size).any(axis=1)
-        if terms.embedding.repeats:
-            distinct &= said_once(slope, constant, rows)
+        distinct = moved.reshape(-1, terms.size).any(axis=1) & said_once(slope, constant, rows)
         bounds = RowBounds(rows.lower[distinct], rows.upper[distinct], rows.size, rows.unit)
         return slope[distinct], constant[distinct], bounds

@@ -72,7 +72,7 @@ class InstantRows:
         )
         self._elapsed = ca.SX.sym("elapsed")
         # Steps ask for what they hold.
-        splines = not space.own_signals and space.own_spline.degree > 0
+        splines = space.stored_spline.degree > 0
         instant = instant_of(
             system,
             state=state,

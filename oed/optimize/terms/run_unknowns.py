@@ -33,8 +33,9 @@ class RunUnknowns:
         runs = embedding.space.runs
         started = (size - embedding.size) // runs
         firsts = [place.start for place in embedding.slices]
+        is_shared = [signal.shared for signal in embedding.signals]
         blocks = zip(
-            [*firsts, embedding.size], [*embedding.counts, started], [*embedding.shared, False], strict=True
+            [*firsts, embedding.size], [*embedding.counts, started], [*is_shared, False], strict=True
         )
         columns = [
             first + (0 if shared else count) * np.arange(runs)[:, None] + np.arange(count)

@@ -80,7 +80,7 @@ class Slots:
         """Take the parts."""
         self.rows, self.count = rows, count
         self.inputs = embedding.inputs
-        self.order = embedding.space.own_spline.degree + 1 if rows.asking else 0
+        self.order = embedding.space.stored_spline.degree + 1 if rows.asking else 0
         self._stride = embedding.sizes[0] if rows.asking else 0
         self.width = count * (2 + 2 * self.order + rows.count)
 

@@ -46,7 +46,7 @@ class Unrolled(Terms):
         super().__init__(problem, refine)
         matrices = [one.matrix for one in problem.estimations(self.drive)]
         rows = [_dependent(rows, self.unknowns) for rows in problem.limit_rows(self.drive)]
-        if self.embedding.repeats and problem.robust is None:
+        if problem.robust is None:
             both = zip(problem.limits, rows, strict=True)
             rows = [_once(one, self.unknowns) if limit.looks_at == "inputs" else one for limit, one in both]
         # Step and measurement repeat each other's sines; shared, a quarter of the operations goes away.

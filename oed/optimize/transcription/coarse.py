@@ -19,6 +19,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.coarser import coarse_samples, coarsened
+from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -129,7 +130,7 @@ class FineGrid:
     def __init__(self, problem: Problem, design: DesignExpressions) -> None:
         """Write the expressions and compile them."""
         self._design, space, robot = design, problem.design, problem.system
-        self._sampled = space.sampling_matrix[:, space.free_rows]
+        self._embedding = Embedding(space, len(robot.inputs))
         symbols, drive = any_drive(robot, space.all_samples, space.runs)
         inputs, start, *_ = symbols
         entries = ca.vertcat(*(upper_half(information.matrix) for information in problem.estimations(drive)))
@@ -151,13 +152,13 @@ class FineGrid:
 
     def _by_unknowns(self, slope: Array) -> Array:
         # The chain rule takes slopes by the held inputs and start states to slopes by z.
-        samples, columns = len(self._sampled), len(self._design.terms.input_scale)
-        by_inputs = slope[: samples * columns].reshape((samples, columns), order="F")
-        by_coefficients = (self._sampled.T @ by_inputs) * self._design.terms.input_scale
-        parts = [by_coefficients.ravel(order="F")]
+        embedding, scale = self._embedding, self._design.terms.input_scale
+        held = embedding.inputs * embedding.space.all_samples
+        by_inputs = slope[:held].reshape((-1, embedding.inputs), order="F")
+        parts = [embedding.by_unknowns(by_inputs) * embedding.spread(scale)]
         chosen = self._design.problem.chosen_starts
         if chosen is not None:
             runs = self._design.problem.design.runs
-            by_start = slope[samples * columns :].reshape((runs, -1), order="F")
+            by_start = slope[held:].reshape((runs, -1), order="F")
             parts.append(chosen.by_unknowns(by_start))
         return np.concatenate(parts)

@@ -96,10 +96,10 @@ class DesignExpressions:
             ValueError: the drive's splines, signals or starts are not this space's.
         """
         space, chosen = self.problem.design, self.problem.chosen_starts
-        if trajectory.degree != space.own_spline.degree or trajectory.runs != space.runs:
+        if trajectory.degree != space.stored_spline.degree or trajectory.runs != space.runs:
             raise ValueError("the trajectory's splines are not those of the design space")
         if trajectory.knots.shape != space.knots.shape or not np.allclose(trajectory.knots, space.knots):
-            trajectory = trajectory.on_knots(space.own_knots)
+            trajectory = trajectory.on_knots(space.run_knots)
         free = self.terms.embedding.unknowns(trajectory.coefficients) / self._scales
         start = np.zeros(0) if chosen is None else chosen.unknowns(trajectory.starts)
         return np.concatenate([free, start])

@@ -77,11 +77,10 @@ def _within_bounds(design: DesignExpressions, unknowns: Array) -> Array:
 def _warp(design: DesignExpressions, unknowns: Array, rng: np.random.Generator, *, together: bool) -> Array:
     # The unknowns of every input of every run are moved along its time by linear interpolation.
     embedding, warped = design.terms.embedding, np.array(unknowns)
-    runs = design.problem.design.runs
     sizes = [
         count
-        for count, shared in zip(embedding.counts, embedding.shared, strict=True)
-        for _ in range(1 if shared else runs)
+        for count, size in zip(embedding.counts, embedding.sizes, strict=True)
+        for _ in range(size // count)
     ]
     middle, late = _delay(rng)
     for first, end in pairwise(np.cumsum([0, *sizes]).tolist()):

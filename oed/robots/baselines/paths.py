@@ -189,16 +189,15 @@ def _random_shape(problem: Problem, seed: int) -> Shape:
     bounds, count = problem.input_bounds, space.all_coefficients
     rest = np.clip(0.0, bounds[:, 0], bounds[:, 1])
     draws = np.random.default_rng([seed, STREAM]).uniform(bounds[:, 0], bounds[:, 1], (count, len(bounds)))
-    held = np.zeros(count, dtype=bool)
-    held[space.free_rows] = True
+    fixed = np.delete(np.arange(count), space.free_rows)
+    draws[fixed] = 0.0
 
     start = starts(problem, [None] * space.runs)
     pushed = any(entry.pushes for entry in problem.model.inputs)
     drawn = "inputs, the largest" if pushed else "speeds, the fastest"
 
     def drive(size: float, laps: int) -> Trajectory:
-        table = rest + size * (draws - rest)
-        return space.trajectory(np.where(held[:, None], table, 0.0), start)
+        return space.trajectory(rest + size * (draws - rest), start)
 
     def words(size: float, laps: int) -> str:
         return f"Random {drawn} at {quantity(100 * size / most, '%')} of its limit."

@@ -50,7 +50,7 @@ class DerivativeLimit(InputLimit, Generic[Pair]):
 
     def issues(self, system: System, space: Space) -> list[Issue]:
         """No such inputs, splines without that derivative, bounds without rest or beyond the equations."""
-        degree = space.own_spline.degree
+        degree = space.stored_spline.degree
         if degree < 2 and self.order == 2:
             text = f"a degree-{degree} spline has no jerk; take spline.degree 2 or more"
             return [Issue(("limits", self.name), text)]
