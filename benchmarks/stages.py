@@ -138,7 +138,7 @@ class Stages:
         """Matrix (N, n) that takes coefficients to the inputs held in each period."""
         space = self.problem.design
         times = middles(space.duration, space.samples)
-        return spline.basis(space.knots, space.spline.degree, times).toarray()
+        return spline.values(space.knots, space.spline.degree, np.eye(space.all_coefficients), times)
 
     def _windows(self) -> tuple[Places, ...]:
         space = self.problem.design
@@ -198,7 +198,7 @@ class Stages:
         space = self.problem.design
         table = ca.SX.sym("coefficients", 2, space.all_coefficients)
         identity = np.eye(space.all_coefficients)
-        rates = bounding_values(space.knots, space.spline.degree, identity, 1, space.samples)
+        rates = bounding_values(space.knots, space.spline.degree, identity, space.samples, 1)
         drive = roll_out(
             self.problem.system,
             inputs=ca.SX(self.samples, 2),

@@ -78,13 +78,15 @@ class TestSplines:
             one, clock = alone(drive, run), times + run * each
             np.testing.assert_allclose(drive.inputs_at(clock), one.inputs_at(times), rtol=0, atol=1e-11)
             if degree > 0:
-                np.testing.assert_allclose(drive.rates_at(clock), one.rates_at(times), rtol=0, atol=1e-10)
+                rates = drive.inputs_at(clock, 1)
+                np.testing.assert_allclose(rates, one.inputs_at(times, 1), rtol=0, atol=1e-10)
                 expected = oracle.spline_values(one, times, 1)
-                np.testing.assert_allclose(drive.rates_at(clock), expected, rtol=0, atol=1e-10)
+                np.testing.assert_allclose(rates, expected, rtol=0, atol=1e-10)
             if degree > 1:
-                np.testing.assert_allclose(drive.jerks_at(clock), one.jerks_at(times), rtol=0, atol=1e-9)
+                jerks = drive.inputs_at(clock, 2)
+                np.testing.assert_allclose(jerks, one.inputs_at(times, 2), rtol=0, atol=1e-9)
                 expected = oracle.spline_values(one, times, 2)
-                np.testing.assert_allclose(drive.jerks_at(clock), expected, rtol=0, atol=1e-9)
+                np.testing.assert_allclose(jerks, expected, rtol=0, atol=1e-9)
 
     @degrees
     def test_just_before_and_after_a_meeting_only_the_own_run_counts(self, degree: int):
@@ -96,9 +98,9 @@ class TestSplines:
             np.testing.assert_allclose([before, after], own, rtol=0, atol=1e-4)
             assert np.abs(after - before).max() > 0.5
             if degree > 0:
-                slopes = drive.rates_at(np.array([run * each - moment, run * each + moment]))
-                ends = [alone(drive, run - 1).rates_at(np.array([each - moment]))[0]]
-                ends.append(alone(drive, run).rates_at(np.array([moment]))[0])
+                slopes = drive.inputs_at(np.array([run * each - moment, run * each + moment]), 1)
+                ends = [alone(drive, run - 1).inputs_at(np.array([each - moment]), 1)[0]]
+                ends.append(alone(drive, run).inputs_at(np.array([moment]), 1)[0])
                 np.testing.assert_allclose(slopes, ends, rtol=0, atol=1e-4)
 
     @degrees
@@ -107,11 +109,11 @@ class TestSplines:
         drive, nothing = some_drive(space_of(degree, rest=False)), np.zeros(1)
         singles = [alone(drive, run) for run in range(RUNS)]
         if degree == 0:
-            expected = np.vstack([one.rates_at(nothing) for one in singles])
-            np.testing.assert_allclose(drive.rates_at(nothing), expected, rtol=0, atol=1e-10)
+            expected = np.vstack([one.inputs_at(nothing, 1) for one in singles])
+            np.testing.assert_allclose(drive.inputs_at(nothing, 1), expected, rtol=0, atol=1e-10)
         if degree < 2:
-            expected = np.vstack([one.jerks_at(nothing) for one in singles])
-            np.testing.assert_allclose(drive.jerks_at(nothing), expected, rtol=0, atol=1e-9)
+            expected = np.vstack([one.inputs_at(nothing, 2) for one in singles])
+            np.testing.assert_allclose(drive.inputs_at(nothing, 2), expected, rtol=0, atol=1e-9)
 
     @given(duration=durations, runs=st.integers(2, 6), degree=st.integers(0, 3))
     def test_each_run_is_the_same_drive_whatever_its_place(self, duration: float, runs: int, degree: int):

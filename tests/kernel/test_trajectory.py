@@ -112,15 +112,15 @@ def test_rates_are_the_splines_derivative(degree: int):
     drive = random_space_drive(DesignSpace(duration=4, spline=Spline(degree=degree, coefficients=9)))
     times = np.random.default_rng(2).uniform(0, 4, 40)
     expected = oracle.spline_values(drive, times, order=1)
-    np.testing.assert_allclose(drive.rates_at(times), expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(drive.inputs_at(times, 1), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("degree", range(1, 6))
 def test_coefficients_of_the_derivative_bound_the_rates(degree: int):
     space = DesignSpace(duration=4, spline=Spline(degree=degree, coefficients=9))
     drive = random_space_drive(space)
-    bounds = bounding_values(space.knots, degree, drive.coefficients, 1, space.samples)
-    rates = drive.rates_at(np.linspace(0, 4, 500))
+    bounds = bounding_values(space.knots, degree, drive.coefficients, space.samples, 1)
+    rates = drive.inputs_at(np.linspace(0, 4, 500), 1)
     assert np.all(rates.max(axis=0) <= bounds.max(axis=0) + 1e-9)
     assert np.all(rates.min(axis=0) >= bounds.min(axis=0) - 1e-9)
 
@@ -128,11 +128,11 @@ def test_coefficients_of_the_derivative_bound_the_rates(degree: int):
 def test_rates_of_a_piecewise_constant_drive_are_jumps_over_a_period():
     space = DesignSpace(duration=4, samples=8, spline=Spline(degree=0, coefficients=4))
     drive = space.trajectory([[0, 0], [2, -4], [2, 0], [0, 0]], START)
-    jumps = drive.rates_at(np.array([0.0]))
+    jumps = drive.inputs_at(np.array([0.0]), 1)
     assert jumps.shape == (9, 2)
     assert jumps[:, 0] == pytest.approx([0, 0, 4, 0, 0, 0, -4, 0, 0])
     assert jumps[:, 1] == pytest.approx([0, 0, -8, 0, 8, 0, 0, 0, 0])
-    matrix = bounding_values(space.knots, 0, np.eye(4), 1, 8)
+    matrix = bounding_values(space.knots, 0, np.eye(4), 8, 1)
     np.testing.assert_allclose(matrix @ drive.coefficients, jumps, atol=1e-12)
 
 
@@ -144,9 +144,9 @@ def test_rates_of_held_steps_are_those_of_the_polygon_through_the_middles(count:
     coefficients[[0, -1]] = 0
     drive = space.trajectory(coefficients, START)
     polygon = Trajectory.from_samples(drive.inputs, 4.0, START)
-    expected = polygon.rates_at(np.concatenate([[0.0], np.arange(12) * 4 / 12 + 4 / 24 + 1e-9]))
-    np.testing.assert_allclose(drive.rates_at(np.zeros(0)), expected, atol=1e-9)
-    np.testing.assert_allclose(bounding_values(space.knots, 0, coefficients, 1, 12), expected, atol=1e-9)
+    expected = polygon.inputs_at(np.concatenate([[0.0], np.arange(12) * 4 / 12 + 4 / 24 + 1e-9]), 1)
+    np.testing.assert_allclose(drive.inputs_at(np.zeros(0), 1), expected, atol=1e-9)
+    np.testing.assert_allclose(bounding_values(space.knots, 0, coefficients, 12, 1), expected, atol=1e-9)
     assert np.abs(drive.extremes(1)).max() == pytest.approx(np.abs(expected).max())
 
 

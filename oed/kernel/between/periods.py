@@ -128,9 +128,8 @@ class Periods:
             begin, end = (
                 (first + fraction[is_of_run]) * self.duration for fraction in (stretches.begin, stretches.end)
             )
-            bounds = spline.enclosure(curve.knots, curve.degree, curve.coefficients, begin, end)
-            slopes = [bounds.least * self.duration, bounds.most * self.duration]
-            table[:, is_of_run] = [bounds.begin, bounds.end, bounds.low, bounds.high, *slopes]
+            table[:, is_of_run] = spline.enclosure(curve.knots, curve.degree, curve.coefficients, begin, end)
+        table[4:] *= self.duration
         columns = table.transpose(2, 0, 1)
         return columns[:, :2].transpose(1, 0, 2), columns[:, 2:].reshape(len(columns), 2, 2, -1)
 

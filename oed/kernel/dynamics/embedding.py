@@ -89,11 +89,9 @@ class Embedding:
     @cached_property
     def held(self) -> tuple[Array, ...]:
         """Matrices (N, unknowns) that take each input's unknowns in a run to the values held in it."""
-        space = self.space
-        sampling = spline.basis(
-            space.run_knots, space.stored_spline.degree, middles(space.duration, space.samples)
-        )
-        return tuple(sampling @ matrix for matrix in self.coefficients)
+        space, times = self.space, middles(self.space.duration, self.space.samples)
+        knots, degree = space.run_knots, space.stored_spline.degree
+        return tuple(spline.values(knots, degree, matrix, times) for matrix in self.coefficients)
 
     def bounds(self, ranges: Array) -> Array:
         """Return the bounds (size, 2) of the unknowns for inputs in these ranges (inputs, 2)."""
@@ -163,10 +161,10 @@ class Embedding:
             times: times since the begin of the run [s], (K,).
         """
         matrix, space = self.coefficients[0], self.space
-        band = spline.basis(space.run_knots, space.stored_spline.degree, times)
+        functions, places = spline.basis(space.run_knots, space.stored_spline.degree, times)
         # A coefficient is an unknown, or fixed by rest.
-        entries = band.entries * matrix.sum(axis=1)[band.places]
-        return entries.T, (run[:, None] * self.counts[0] + matrix.argmax(axis=1)[band.places]).T
+        entries = functions * matrix.sum(axis=1)[places]
+        return entries.T, (run[:, None] * self.counts[0] + matrix.argmax(axis=1)[places]).T
 
     def by_runs(self, matrices: Sequence[Array], unknowns: Expression) -> Expression:
         """Return the products of each input's matrix with its unknowns, (rows of all runs, inputs).
@@ -190,7 +188,7 @@ class Embedding:
         space, tables = self.space, []
         for order in range(3):
             rows = [
-                bounding_values(space.run_knots, space.stored_spline.degree, matrix, order, space.samples)
+                bounding_values(space.run_knots, space.stored_spline.degree, matrix, space.samples, order)
                 for matrix in self.coefficients
             ]
             if rows:

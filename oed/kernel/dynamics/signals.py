@@ -151,8 +151,8 @@ class SplineSignal(Signal):
     def matrix(self, duration: float, samples: int) -> Array:
         """The basis functions [de Boor, A Practical Guide to Splines, ch. IX]."""
         knots = spline.clamped_knots(duration, self.coefficients, self.degree)
-        table = spline.basis(knots, self.degree, middles(duration, samples)).toarray()
-        return table[:, 1:-1] if self.rest_to_rest else table
+        free = np.eye(self.coefficients)[:, slice(1, -1) if self.rest_to_rest else slice(None)]
+        return spline.values(knots, self.degree, free, middles(duration, samples))
 
     @property
     def shortage(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -25,61 +25,41 @@ def middles(duration: float, samples: int) -> Array:
     return np.asarray((np.arange(samples, dtype=np.float64) + 0.5) * (duration / samples))
 
 
-def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
-    """Return the rates of inputs (N + 1, inputs) that are held in N equal periods: from the spline's first
-    value to the middle of the first period, from middle to middle, and on to the last value.
+def held_changes(knots: Array, degree: int, coefficients: Array, samples: int, order: int) -> Array:
+    """Return the rates (N + 1, inputs) or jerks (N, inputs) of inputs that are held in N equal periods.
 
-    With `coefficients` (n, inputs) the identity, the matrix that takes coefficients to these rates. It is
-    what search, scorer and bounds limit of splines that have no derivative, and what the polygon through the
-    middles has as slopes.
+    Rates are those of the polygon from the spline's first value to the middle of the first period, from
+    middle to middle, and on to the last value. Jerks are the changes of these rates in the middle of each
+    period, over one period: the same for a drive and its time reverse. Search, scorer and bounds limit these
+    of splines that have no such derivative.
 
     Args:
         knots: knots of one run [s].
         degree: degree of the run's splines.
-        coefficients: (n, inputs).
-        samples: N.
+        coefficients: (n, inputs); with the identity, the result is the matrix that takes coefficients to it.
+        samples: number N of periods.
+        order: 1 for rates, 2 for jerks.
     """
     duration = float(knots[-1])
     times = np.concatenate([[0.0], middles(duration, samples), [duration]])
-    held = spline.values(knots, degree, coefficients, times)
-    return np.asarray(np.diff(held, axis=0) / np.diff(times)[:, None])
+    rates = np.diff(spline.values(knots, degree, coefficients, times), axis=0) / np.diff(times)[:, None]
+    return np.asarray(rates if order == 1 else np.diff(rates, axis=0) / (duration / samples))
 
 
-def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
-    """Return the changes of `held_rates` (N, inputs) in the middle of each period, over one period.
-
-    The jerk of splines whose rates jump (degrees 0 and 1), the same for a drive and its time reverse; of the
-    identity, the matrix of it.
-
-    Args:
-        knots: knots of one run [s].
-        degree: degree of the run's splines.
-        coefficients: (n, inputs).
-        samples: N.
-    """
-    period = float(knots[-1]) / samples
-    return np.asarray(np.diff(held_rates(knots, degree, coefficients, samples), axis=0) / period)
-
-
-def bounding_values(knots: Array, degree: int, coefficients: Array, order: int, samples: int) -> Array:
+def bounding_values(knots: Array, degree: int, coefficients: Array, samples: int, order: int) -> Array:
     """Return values (K, inputs) that bound the derivative of an order of inputs at all times: its spline's
-    coefficients, a convex hull, or else `held_rates` or `held_jerks`.
-
-    With `coefficients` (n, inputs) the identity, the matrix that takes coefficients to these values.
+    coefficients, a convex hull, or else `held_changes`.
 
     Args:
         knots: knots of one run [s].
         degree: degree of the run's splines.
-        coefficients: (n, inputs).
-        order: order of the derivative, 0 to 2.
+        coefficients: (n, inputs); with the identity, the result is the matrix that takes coefficients to it.
         samples: number N of periods of the run.
+        order: order of the derivative, 0 to 2.
     """
     if order > degree:
-        return (held_rates, held_jerks)[order - 1](knots, degree, coefficients, samples)
-    for lower in range(degree, degree - order, -1):
-        steps, knots = spline.derivative(knots, lower)
-        coefficients = steps @ coefficients
-    return coefficients
+        return held_changes(knots, degree, coefficients, samples, order)
+    return spline.derivative(knots, degree, coefficients, order)[1]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -206,20 +186,19 @@ class Trajectory(ByValue, Presented):
             return (self,)
         samples, parts = self.samples // self.runs, np.split(self.coefficients, self.runs)
         return tuple(
-            Trajectory(self._own_knots, self.degree, part, start, samples)
+            Trajectory(self._run_knots, self.degree, part, start, samples)
             for part, start in zip(parts, self.starts, strict=True)
         )
 
     @property
-    def _own_knots(self) -> Array:
-        # Of the first run.
+    def _run_knots(self) -> Array:
         return self.knots[: len(self.coefficients) // self.runs + self.degree + 1]
 
     @property
     def _runs_are_alike(self) -> bool:
         if len(self.coefficients) % self.runs or len(self.coefficients) // self.runs <= self.degree:
             return False
-        repeated = spline.repeated_knots(self._own_knots, self.degree, self.runs)
+        repeated = spline.repeated_knots(self._run_knots, self.degree, self.runs)
         return np.allclose(self.knots, repeated, rtol=0, atol=1e-9 * self.duration)
 
     @property
@@ -246,28 +225,17 @@ class Trajectory(ByValue, Presented):
         """Inputs at the begin and at the end of every run, (2 runs, inputs)."""
         return np.concatenate([run.inputs_at(np.array([0.0, run.duration])) for run in self.each])
 
-    def inputs_at(self, times: Array) -> Array:
-        """Values of the splines at `times` [s], (len(times), inputs)."""
-        return spline.values(self.knots, self.degree, self.coefficients, times)
+    def inputs_at(self, times: Array, order: int = 0) -> Array:
+        """Return values of the splines, or of a derivative, at `times` [s], (len(times), inputs); the
+        `held_changes` of all runs where the splines have no such derivative.
 
-    def rates_at(self, times: Array) -> Array:
-        """Time derivatives of the inputs, (rows, inputs): at `times` [s], or, for a piecewise constant
-        drive, those of `held_rates`.
+        Args:
+            times: times of evaluation [s], on the clock of all runs.
+            order: order of the derivative, 0 to 2.
         """
-        if self.degree == 0:
-            return self._held(held_rates)
-        matrix, knots = spline.derivative(self.knots, self.degree)
-        return spline.values(knots, self.degree - 1, matrix @ self.coefficients, times)
-
-    def jerks_at(self, times: Array) -> Array:
-        """Second time derivatives of the inputs, (rows, inputs): at `times` [s], or, where the rates jump,
-        those of `held_jerks`.
-        """
-        if self.degree < 2:
-            return self._held(held_jerks)
-        first, knots = spline.derivative(self.knots, self.degree)
-        second, knots = spline.derivative(knots, self.degree - 1)
-        return spline.values(knots, self.degree - 2, second @ (first @ self.coefficients), times)
+        if order > self.degree:
+            return self._held_changes(order)
+        return spline.values(self.knots, self.degree, self.coefficients, times, order)
 
     def extremes(self, order: int) -> Array:
         """Values (K, inputs) among which every input's least and largest are, of all times; of an order of 1
@@ -279,10 +247,16 @@ class Trajectory(ByValue, Presented):
         tables = []
         if order <= self.degree:
             tables = [spline.extremes(run.knots, run.degree, run.coefficients, order) for run in self.each]
-        if order and (order > self.degree or len(spline.jumps(self._own_knots, self.degree, order - 1))):
+        repetitions = np.unique(self._run_knots, return_counts=True)[1]
+        if order > self.degree or (order and np.any(repetitions[1:-1] > self.degree - order + 1)):
             # A jump has no derivative: what is held has its rates and jerks.
-            tables.append(self._held((held_rates, held_jerks)[order - 1]))
+            tables.append(self._held_changes(order))
         return np.concatenate(tables)
+
+    def _held_changes(self, order: int) -> Array:
+        return np.concatenate(
+            [held_changes(run.knots, run.degree, run.coefficients, run.samples, order) for run in self.each]
+        )
 
     def to_dataframe(self, names: Sequence[str] = ()) -> Any:
         """A pandas DataFrame with a row per period: its begin `t` [s] and the inputs held in it, SI.
@@ -295,9 +269,3 @@ class Trajectory(ByValue, Presented):
             UserMistake: pandas is not installed.
         """
         return views.make("table", self, names)
-
-    def _held(self, changes: Callable[[Array, int, Array, int], Array]) -> Array:
-        # Of what is held in every run.
-        return np.concatenate(
-            [changes(run.knots, run.degree, run.coefficients, run.samples) for run in self.each]
-        )

@@ -168,7 +168,7 @@ def series_among(drive: Trajectory, group: Group, title: str) -> Series:
     ends = [(run + 1) * each * JUST_BEFORE for run in range(drive.runs - 1)] + [drive.duration]
     times = [np.linspace(run * each, end, drawn + 1) for run, end in enumerate(ends)]
     if group.rates:
-        values = np.split(drive.rates_at(np.concatenate(times)), drive.runs)
+        values = np.split(drive.inputs_at(np.concatenate(times), 1), drive.runs)
     elif steps:
         values = [np.vstack([run, run[-1:]]) for run in np.split(drive.inputs, drive.runs)]
     else:

@@ -56,8 +56,8 @@ def as_drive(model, trajectory: Trajectory) -> Drive:
     """The drive in numbers, every run on the fine grid of the scorer."""
     runs = [(run, fine_times(run)) for run in trajectory.each]
     values = np.concatenate([run.inputs_at(times) for run, times in runs])
-    rates = np.concatenate([run.rates_at(times) for run, times in runs])
-    jerks = np.concatenate([run.jerks_at(times) for run, times in runs])
+    rates = np.concatenate([run.inputs_at(times, 1) for run, times in runs])
+    jerks = np.concatenate([run.inputs_at(times, 2) for run, times in runs])
     return roll_out(
         model,
         inputs=ca.DM(trajectory.inputs),

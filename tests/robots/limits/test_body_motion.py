@@ -281,7 +281,7 @@ def test_what_a_limit_sees_of_jerks_is_what_the_scorer_sees(degree: int, count: 
     table = np.random.default_rng(count).normal(size=(2 * count, 2))
     drive = space.trajectory(table, np.zeros((2, 3)))
     assert drive.extremes(2).shape == (16, 2)
-    jerks = [bounding_values(run.knots, degree, run.coefficients, 2, run.samples) for run in drive.each]
+    jerks = [bounding_values(run.knots, degree, run.coefficients, run.samples, 2) for run in drive.each]
     np.testing.assert_allclose(np.vstack(jerks), drive.extremes(2), atol=1e-9)
 
 
