@@ -187,8 +187,5 @@ def _random_drive(
     drawn = np.concatenate([np.zeros(0), *(shares(rng, (size, 1)).ravel() for size in embedding.sizes)])
     low, high = embedding.bounds(bounds).T
     coefficients = embedding.table(embedding.within((low + (high - low) * drawn)[None, :], bounds)[0])
-    chosen = problem.chosen_starts
-    if chosen is None:
-        assert problem.fixed_starts is not None
-        return space.trajectory(coefficients, problem.fixed_starts)
-    return space.trajectory(coefficients, chosen.states(rng.uniform(-1, 1, chosen.size)))
+    starts = problem.starts.states(rng.uniform(-1, 1, problem.starts.size))
+    return space.trajectory(coefficients, starts)

@@ -357,7 +357,6 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     shortest = space.runs * (space.shortest_duration or 0.0)
     if shortest:
         margins.append(Margin("shortest_duration", trajectory.duration - shortest, shortest, "s"))
-    chosen = problem.chosen_starts
     if problem.fixed_starts is not None:
         apart = np.abs(trajectory.starts - problem.fixed_starts)
         if not model.velocity_signal:
@@ -367,8 +366,8 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
         offset = float(apart.max(initial=0.0))
         unit = " or ".join(dict.fromkeys(model.state_units[: model.chosen_states]))
         margins.append(Margin("start", problem.start_spare - offset, 1.0, unit))
-    elif chosen is not None and chosen.bounded:
-        outside = chosen.excess(trajectory.starts)
+    elif problem.starts.bounded:
+        outside = problem.starts.excess(trajectory.starts)
         margins.append(Margin("start", problem.start_spare - outside, 1.0, ""))
     if space.rest_to_rest and model.inputs:
         size = float(np.abs(problem.input_bounds).max())

@@ -17,7 +17,7 @@ from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.space import Space
-from oed.kernel.dynamics.starts import ChosenStarts
+from oed.kernel.dynamics.starts import StartStates
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, Rows, checked_rows, implied_bounds
 from oed.kernel.measurement.blocks import Block, Nuisance
@@ -223,14 +223,15 @@ class Statement(Presented):
         return None if starts is None else self.start_states(starts)
 
     @cached_property
-    def chosen_starts(self) -> ChosenStarts | None:
-        """Parametrisation of the start states by the design; None where they are fixed."""
-        if self.fixed_starts is not None:
-            return None
+    def starts(self) -> StartStates:
+        """Start states of all runs, of the unknowns that choose them."""
         count, runs, ranges = len(self.system.states), self.design.runs, self.design.start_ranges
+        if self.fixed_starts is not None:
+            return StartStates(self.fixed_starts, np.zeros(count))
         if ranges is None:
-            return ChosenStarts.anywhere(count, self.system.chosen_states, runs)
-        return ChosenStarts.between(ranges, count, runs)
+            is_free = np.arange(count) < self.system.chosen_states
+            return StartStates(np.zeros((runs, count)), is_free.astype(float))
+        return StartStates.between(ranges, count, runs)
 
     def start_states(self, chosen: npt.ArrayLike) -> Array:
         """Start states (runs, states) of which the first k are chosen, (runs, k): the others begin at 0."""
@@ -308,7 +309,7 @@ class Statement(Presented):
     @property
     def subject(self) -> Subject:
         """Subject that the criterion judges."""
-        estimations, usual = self.any_estimations, self.design.usual_start
+        estimations = self.any_estimations
         return Subject(
             system=self.system.estimating(
                 [
@@ -320,7 +321,7 @@ class Statement(Presented):
             ),
             parameters=tuple(estimation.judged for estimation in estimations),
             scales=tuple(estimation.scales for estimation in estimations),
-            start=np.pad(usual, (0, len(self.model.states) - len(usual))),
+            start=self.starts.middle[0],
             period=self.design.period,
         )
 

@@ -18,7 +18,7 @@ from oed.kernel.dynamics.signals import (
     Signal,
     SplineSignal,
 )
-from oed.kernel.dynamics.starts import ChosenStarts
+from oed.kernel.dynamics.starts import StartStates
 
 EXAMPLES: tuple[Signal, ...] = (
     Constant(),
@@ -233,7 +233,7 @@ def test_a_spline_fits_a_range_with_the_rest_that_it_needs(rest, least):
 
 class TestStarts:
     def test_between_bounds_and_fixed(self):
-        chosen = ChosenStarts.between(np.array([[1.0, 3.0], [5.0, 5.0], [-2.0, 0.0]]), 4, 2)
+        chosen = StartStates.between(np.array([[1.0, 3.0], [5.0, 5.0], [-2.0, 0.0]]), 4, 2)
         assert chosen.size == 4
         np.testing.assert_array_equal(chosen.bounds, [[-1.0, 1.0]] * 4)
         starts = chosen.states(np.array([-1.0, 0.5, 0.0, 1.0]))
@@ -242,7 +242,7 @@ class TestStarts:
 
     @pytest.mark.parametrize("place", [0, 1])
     def test_outside(self, place: int):
-        chosen = ChosenStarts.between(np.array([[1.0, 3.0], [5.0, 5.0]]), 2, 1)
+        chosen = StartStates.between(np.array([[1.0, 3.0], [5.0, 5.0]]), 2, 1)
         start = np.array([[2.0, 5.0]])
         start[0, place] += 1.5
         assert chosen.excess(start) == pytest.approx([0.5 / 3, 1.5 / 5][place])
@@ -252,7 +252,7 @@ class TestStarts:
     def test_bounds_that_leave_no_choice_are_a_fixed_start(self):
         problem = decay(start_bounds=((0.3, 0.3),), runs=2)
         np.testing.assert_array_equal(problem.fixed_starts, [[0.3], [0.3]])
-        assert problem.chosen_starts is None
+        assert problem.starts.size == 0
 
     def test_a_start_outside_is_a_violation(self):
         problem = decay(start_bounds=((0.2, 1.0),))

@@ -168,15 +168,6 @@ class Space(Component, ABC):
         return rows[:, self.free].ravel()
 
     @property
-    def usual_start(self) -> Array:
-        """The first k states that a run, of several the first, begins in: of chosen values the middle, none
-        of those that are chosen anywhere.
-        """
-        if self.fixed_starts is not None:
-            return np.asarray(self.fixed_starts[0])
-        return np.zeros(0) if self.start_ranges is None else np.asarray(self.start_ranges.mean(axis=1))
-
-    @property
     def start_is_free(self) -> bool:
         """True if start states are part of the design."""
         return self.fixed_starts is None

@@ -1,4 +1,4 @@
-"""Start states that a design chooses: which of them, and how its unknowns stand for them."""
+"""Start states of a design, and the unknowns that choose them."""
 
 from __future__ import annotations
 
@@ -15,52 +15,40 @@ SLIGHT = 1e-9
 
 
 @dataclass(frozen=True)
-class ChosenStarts:
-    """Start states x = middle + reach * z of z, of each run its own.
+class StartStates:
+    """Start states x = middle + reach z of every run, of unknowns z for the states that are free.
 
     Attributes:
-        middle: middle of the range of all states, (states,); the value of those that are fixed.
-        reach: half the range of the states that are free, (free,).
-        places: places of the free states, (free,).
-        bounded: z has to stay within [-1, 1].
-        runs: number of runs.
+        middle: middle of the range of each state, its value where it is fixed, (runs, states).
+        reach: half the range of each state, 0 where it is fixed, (states,).
+        bounded: True where z has to stay within [-1, 1].
     """
 
     middle: Array
     reach: Array
-    places: Places
-    bounded: bool
-    runs: int
+    bounded: bool = False
 
     @classmethod
-    def anywhere(cls, states: int, chosen: int, runs: int) -> ChosenStarts:
-        """The first `chosen` states are free, the others begin at 0; z is in SI units.
+    def between(cls, ranges: Array, states: int, runs: int) -> StartStates:
+        """Return start states of which the first are each between two values, and the others 0.
 
         Args:
-            states: number of states of the system.
-            chosen: number of states that are free.
-            runs: number of runs.
-        """
-        return cls(np.zeros(states), np.ones(chosen), np.arange(chosen), bounded=False, runs=runs)
-
-    @classmethod
-    def between(cls, ranges: Array, states: int, runs: int) -> ChosenStarts:
-        """The first states are each between two values, fixed where these are equal; the others begin at 0.
-
-        Args:
-            ranges: least and largest values, (k, 2).
+            ranges: least and largest value of the first states, (k, 2).
             states: number of states of the system.
             runs: number of runs.
         """
         low, high = np.pad(ranges, ((0, states - len(ranges)), (0, 0))).T
-        places = np.flatnonzero(high > low)
-        reach = (high - low)[places] / 2
-        return cls(np.where(high > low, (low + high) / 2, low), reach, places, bounded=True, runs=runs)
+        return cls(np.tile((low + high) / 2, (runs, 1)), (high - low) / 2, bounded=True)
+
+    @property
+    def free(self) -> Places:
+        """Places of the states that are free, (free,)."""
+        return np.flatnonzero(self.reach)
 
     @property
     def size(self) -> int:
-        """Unknowns of all runs."""
-        return len(self.places) * self.runs
+        """Number of unknowns of all runs."""
+        return len(self.free) * len(self.middle)
 
     @property
     def bounds(self) -> Array:
@@ -68,42 +56,34 @@ class ChosenStarts:
         return np.tile([-1.0, 1.0] if self.bounded else [-np.inf, np.inf], (self.size, 1))
 
     def states(self, unknowns: Array) -> Array:
-        """The start states (runs, states) that unknowns (size,) stand for."""
-        states = np.tile(self.middle, (self.runs, 1))
-        states[:, self.places] += self.reach * unknowns.reshape(self.runs, -1)
+        """Return the start states (runs, states) of unknowns (size,)."""
+        states = self.middle.copy()
+        states[:, self.free] += self.reach[self.free] * unknowns.reshape(len(states), -1)
         return states
 
     def unknowns(self, starts: Array) -> Array:
-        """The unknowns (size,) of start states (runs, states).
+        """Return the unknowns (size,) of start states (runs, states).
 
         Raises:
-            ValueError: states outside what may be chosen.
+            ValueError: states outside their bounds.
         """
         if self.bounded and self.excess(starts) > SLIGHT:
             raise ValueError("the trajectory starts outside the design space's start_bounds")
-        return np.asarray((starts - self.middle)[:, self.places] / self.reach).ravel()
+        return np.asarray((starts[:, self.free] - self.middle[:, self.free]) / self.reach[self.free]).ravel()
 
     def excess(self, starts: Array) -> float:
         """Return the largest distance of start states (runs, states) from their bounds, as a share of each
         state's largest.
         """
-        reach = np.zeros(len(self.middle))
-        reach[self.places] = self.reach
-        largest = np.abs(self.middle) + reach
-        off = (np.abs(starts - self.middle) - reach) / np.where(largest > 0, largest, 1.0)
-        return float(off.max(initial=0.0))
+        largest = np.abs(self.middle) + self.reach
+        excess = (np.abs(starts - self.middle) - self.reach) / np.where(largest > 0, largest, 1.0)
+        return float(excess.max(initial=0.0))
 
     def expressed(self, unknowns: Expression) -> Expression:
-        """The start states (runs, states) of unknowns (size,), as expressions (SX)."""
-        free = ca.reshape(unknowns, len(self.places), self.runs).T
-        columns = [
-            ca.SX(self.runs, 1) if not middle else ca.SX(ca.DM.ones(self.runs, 1) * middle)
-            for middle in self.middle
-        ]
-        for place, column in enumerate(self.places):
-            columns[column] = columns[column] + self.reach[place] * free[:, place]
-        return ca.horzcat(ca.SX(self.runs, 0), *columns)
+        """Return the start states (runs, states) of unknowns (size,), as expressions."""
+        free = ca.reshape(unknowns, len(self.free), len(self.middle))
+        return (ca.DM(self.middle.T) + ca.sparsify(ca.DM(np.diag(self.reach)[:, self.free])) @ free).T
 
     def by_unknowns(self, slopes: Array) -> Array:
-        """Derivatives (size,) by the unknowns of what has these by the start states (runs, states)."""
-        return np.asarray(slopes[:, self.places] * self.reach).ravel()
+        """Return derivatives (size,) by the unknowns of what has these by the start states (runs, states)."""
+        return np.asarray(slopes[:, self.free] * self.reach[self.free]).ravel()

@@ -58,8 +58,8 @@ class Terms(ABC):
         self.problem, self.refine = problem, refine
         self.input_scale = np.abs(problem.input_bounds).max(axis=1)
         self.embedding = Embedding(space, len(problem.model.inputs))
-        self.coefficient_count, chosen = self.embedding.size, problem.chosen_starts
-        self.size = self.coefficient_count + (0 if chosen is None else chosen.size)
+        self.coefficient_count = self.embedding.size
+        self.size = self.coefficient_count + problem.starts.size
         self.unknowns: Expression = ca.SX.sym("z", self.size)
 
     @cached_property
@@ -95,17 +95,13 @@ class Terms(ABC):
     @property
     def own_bounds(self) -> Array:
         """Bounds (size, 2) that the design space sets on z; infinite where it sets none."""
-        chosen = self.problem.chosen_starts
         unbounded = np.tile([-np.inf, np.inf], (self.coefficient_count, 1))
-        return unbounded if chosen is None else np.concatenate([unbounded, chosen.bounds])
+        return np.concatenate([unbounded, self.problem.starts.bounds])
 
     @property
     def starts(self) -> Expression:
         """Start states of the runs (SX of `unknowns`), (runs, states)."""
-        chosen = self.problem.chosen_starts
-        if chosen is None:
-            return ca.SX(ca.DM(self.problem.fixed_starts))
-        return chosen.expressed(self.unknowns[self.coefficient_count :])
+        return self.problem.starts.expressed(self.unknowns[self.coefficient_count :])
 
     @cached_property
     def start_slopes(self) -> Array:

@@ -155,10 +155,6 @@ class FineGrid:
         embedding, scale = self._embedding, self._design.terms.input_scale
         held = embedding.inputs * embedding.space.all_samples
         by_inputs = slope[:held].reshape((-1, embedding.inputs), order="F")
-        parts = [embedding.by_unknowns(by_inputs) * embedding.spread(scale)]
-        chosen = self._design.problem.chosen_starts
-        if chosen is not None:
-            runs = self._design.problem.design.runs
-            by_start = slope[held:].reshape((runs, -1), order="F")
-            parts.append(chosen.by_unknowns(by_start))
-        return np.concatenate(parts)
+        by_coefficients = embedding.by_unknowns(by_inputs) * embedding.spread(scale)
+        by_start = slope[held:].reshape((embedding.space.runs, -1), order="F")
+        return np.concatenate([by_coefficients, self._design.problem.starts.by_unknowns(by_start)])

@@ -77,12 +77,9 @@ class DesignExpressions:
 
     def trajectory(self, unknowns: Array) -> Trajectory:
         """Return the drive of z."""
-        coefficients, chosen = unknowns[: self.terms.coefficient_count], self.problem.chosen_starts
+        coefficients, starts = np.split(unknowns, [self.terms.coefficient_count])
         table = self.terms.embedding.table(coefficients * self._scales)
-        if chosen is None:
-            assert self.problem.fixed_starts is not None
-            return self.problem.design.trajectory(table, self.problem.fixed_starts)
-        return self.problem.design.trajectory(table, chosen.states(unknowns[len(coefficients) :]))
+        return self.problem.design.trajectory(table, self.problem.starts.states(starts))
 
     @property
     def _scales(self) -> Array:
@@ -95,14 +92,13 @@ class DesignExpressions:
         Raises:
             ValueError: the drive's splines, signals or starts are not this space's.
         """
-        space, chosen = self.problem.design, self.problem.chosen_starts
+        space = self.problem.design
         if trajectory.degree != space.stored_spline.degree or trajectory.runs != space.runs:
             raise ValueError("the trajectory's splines are not those of the design space")
         if trajectory.knots.shape != space.knots.shape or not np.allclose(trajectory.knots, space.knots):
             trajectory = trajectory.on_knots(space.run_knots)
         free = self.terms.embedding.unknowns(trajectory.coefficients) / self._scales
-        start = np.zeros(0) if chosen is None else chosen.unknowns(trajectory.starts)
-        return np.concatenate([free, start])
+        return np.concatenate([free, self.problem.starts.unknowns(trajectory.starts)])
 
     def matrices_of(self, unknowns: Array) -> list[list[Array]]:
         """Return the information matrices of every robot judged at z."""

@@ -52,9 +52,8 @@ def start_bounds(design: DesignExpressions) -> Array:
     They are those of the design space, or else those of the limits. Without either, all angles are allowed,
     and positions lie within a millimetre of the origin.
     """
-    chosen = design.problem.chosen_starts
-    if chosen is not None and chosen.bounded:
-        return chosen.bounds
+    if design.problem.starts.bounded:
+        return design.problem.starts.bounds
     robot, ranges = design.problem.system, dict[str, tuple[float, float]]()
     for limit in design.problem.limits:
         for state, (low, high) in limit.state_bounds().items():
