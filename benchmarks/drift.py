@@ -35,7 +35,7 @@ def figures() -> list[Figure]:
 
 def _compared(samples: int) -> Figure:
     steady = replace(problem_of("joint", samples), criterion=A())
-    drifting = replace(steady, measurement=steady.measurement.model_copy(update={"drift": DRIFT}))
+    drifting = replace(steady, measurement=steady.sensors[0].model_copy(update={"drift": DRIFT}))
     searches = [
         LocalSearch(problem, Ipopt(max_iterations=ITERATIONS, search_samples=samples))
         for problem in (drifting, steady)

@@ -24,6 +24,7 @@ PROGRAM = '''
 import json
 
 import oed
+from oed.kernel.measurement.measurement import sensors_of
 from oed.report.page import sections_of
 
 STUDY = """
@@ -61,7 +62,7 @@ json.dump(
         "turning": next(each.margin for each in best.margins if each.limit == "total_turning"),
         "turned": {row[0]: row[1] for part in sections_of(again) if part.title == "Turns"
                    for row in part.tables[0].rows},
-        "sensors": [each.kind for each in again.study.measurement.joint_sensors],
+        "sensors": [each.kind for each in sensors_of(again.study.measurement)],
         "method": certificate.method,
         "bound": certificate.upper_bound,
         "found": found.evaluation.objective,

@@ -26,7 +26,7 @@ from oed.robots.sensors.poses import Poses
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
     """Yield bounds for fused sensors whose noise is known."""
-    precisions = precisions_of(problem.measurement.joint_sensors)
+    precisions = precisions_of(problem.sensors)
     if not precisions:
         return
     # Information of all readings per squared displacement.
@@ -51,7 +51,7 @@ def _circle_bound(problem: Problem, estimation: Estimation, total: float) -> Ite
     # A change of c21, c22 along the yaw rate's row displaces positions on a unit circle.
     change = np.zeros(len(estimation.judged))
     change[[estimation.judged.index(name) for name in names]] = rows[0]
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     centred = unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
     value = total if centred else 4.0 * total
     yield direction_bound(
@@ -68,7 +68,7 @@ def _size_bounds(
     problem: Problem, estimation: Estimation, precisions: Sequence[SensorPrecision], total: float
 ) -> Iterator[Bound]:
     bounds, change = workspace_bounds(problem), _growth(problem, estimation)
-    if bounds is None or change is None or not unknown_start(problem.measurement.joint_sensors):
+    if bounds is None or change is None or not unknown_start(problem.sensors):
         return
     x_min, x_max, y_min, y_max = bounds
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4

@@ -14,8 +14,8 @@ import scipy
 from oed.bounds.boxes import Landscape
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 
 GRID = {1: 201, 2: 17, 3: 6, 4: 4, 5: 3}
@@ -57,7 +57,7 @@ class Points:
 
 def points_of(problem: Problem) -> Points | None:
     """Return the points of a problem; None if it has none, or an operation without interval bounds."""
-    sensors, low, high = problem.measurement.joint_sensors, *problem.input_bounds.T
+    sensors, low, high = problem.sensors, *problem.input_bounds.T
     alone = all(sensor.when != "between samples" and sensor.joint_whitening is None for sensor in sensors)
     plain = not any(sensor.nuisances for sensor in sensors) and len(problem.any_estimations) == 1
     if problem.system.states or not sensors or not alone or not plain:

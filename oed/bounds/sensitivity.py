@@ -21,8 +21,8 @@ from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, prior_matrix
 from oed.bounds.reach import input_reach, largest_input_gain, top_speeds, workspace_bounds
 from oed.foundation.arrays import Array, Places
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 from oed.kernel.statement import Estimation
 from oed.robots.models.model import robot_of
@@ -158,7 +158,7 @@ class MotionSensitivity:
 
 def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
     """Yield bounds on tr(Z F) for every parameter, all together, and all but the size of the robot."""
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     precisions = precisions_of(sensors)
     if not precisions or len(problem.any_estimations) > 1:
         return

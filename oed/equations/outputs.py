@@ -21,8 +21,8 @@ from oed.foundation.text import count, listing, unit_text, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
-from oed.kernel.measurement.measurement import Measurement, Sensor, Start, Together, When, joined, joins
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.measurement import Measurement, Sensors, measurement_of, sensors_of
+from oed.kernel.measurement.sensor import Moment, Sensor, Start, When
 
 StartKnowledge = Annotated[
     Literal["known", "unknown"] | Annotated[tuple[tuple[str, float], ...], BeforeValidator(pairs)], AS_DATA
@@ -181,15 +181,16 @@ SENSORS: tuple[type[OutputSensor], ...] = (Outputs, Rates, Responses)
 """All sensors of outputs."""
 
 
-@joins(OutputSensor)
-class SeveralOutputs(Together):
+class SeveralOutputs(Sensors):
     """Outputs read together; in a study, a list of sensors."""
 
     kind: Literal["several"] = "several"
     sensors: Annotated[tuple[Annotated[OutputSensor, OneOf(SENSORS)], ...], Field(min_length=1)]
 
 
-def replaced_starts(measurement: Measurement, deviations: tuple[tuple[str, float], ...]) -> Measurement:
+def replaced_starts(
+    measurement: Measurement | Sensor, deviations: tuple[tuple[str, float], ...]
+) -> Measurement:
     """Return a measurement that knows start states less well; sensors that say so themselves are left alone.
 
     Args:
@@ -200,9 +201,9 @@ def replaced_starts(measurement: Measurement, deviations: tuple[tuple[str, float
         sensor.model_copy(update={"start": deviations})
         if getattr(sensor, "start", None) == "known"
         else sensor
-        for sensor in measurement.joint_sensors
+        for sensor in sensors_of(measurement)
     ]
-    return sensors[0] if len(sensors) == 1 else joined(sensors)
+    return measurement_of(sensors)
 
 
 def _check_noise(dimensions: Mapping[str, Dimension], name: str, value: Quantity) -> None:

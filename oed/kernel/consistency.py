@@ -16,10 +16,10 @@ from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
 from oed.kernel.measurement.information import scaling_issues
-from oed.kernel.measurement.joint import process_issues
-from oed.kernel.measurement.measurement import Measurement, Sensor, joined, process_noise_of
+from oed.kernel.measurement.measurement import Measurement, measurement_of
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.readings import labelled_nuisances
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.statement import Statement
 
 CRITERIA_BY_NAME = {criterion.model_fields["kind"].default: criterion for criterion in CRITERIA}
@@ -39,7 +39,7 @@ def parts_of(problem: Any) -> dict[str, Any]:
         raise ProblemError(issues)
     limits, measurement, criterion = problem.limits, problem.measurement, problem.criterion
     return {
-        "measurement": joined(measurement) if isinstance(measurement, list | tuple) else measurement,
+        "measurement": measurement_of(measurement),
         "criterion": CRITERIA_BY_NAME[criterion](kind=criterion) if isinstance(criterion, str) else criterion,
         "limits": (limits,) if isinstance(limits, Limit) else tuple(limits),
         "estimate": _names(problem.estimate),
@@ -59,7 +59,7 @@ def _kind_issues(problem: Any) -> Iterator[Issue]:
         yield from _list_issues("measurement", problem.measurement, Sensor)
         if not problem.measurement:
             yield Issue(("measurement",), "expected at least one sensor")
-    else:
+    elif not isinstance(problem.measurement, Sensor):
         yield from _kind_issue("measurement", problem.measurement, Measurement)
     if isinstance(problem.criterion, str):
         yield from _criterion_name_issues(problem.criterion)
@@ -140,7 +140,6 @@ def _part_issues(problem: Statement) -> Iterator[Issue]:
     if problem.designed:
         yield from unbounded(problem)
     yield from problem.measurement.issues(model, space.samples)
-    yield from process_issues(problem.measurement.joint_sensors, model)
     yield from _name_issues(problem)
     if not problem.excess:
         # What widens a problem by a tolerance is nobody's mistake.
@@ -202,7 +201,7 @@ def _name_issues(problem: Statement) -> Iterator[Issue]:
         yield Issue(("estimate",), "a parameter is listed twice")
     elif not any(set(wanted) <= set(names) for names in estimable.values()):
         choices = " or ".join(f"{sort} ({', '.join(names)})" for sort, names in estimable.items())
-        constants = [nuisance.name for nuisance in labelled_nuisances(problem.measurement.joint_sensors)]
+        constants = [nuisance.name for nuisance in labelled_nuisances(problem.sensors)]
         choices += f", and constants of sensors ({', '.join(constants)})" if constants else ""
         text = f"expected some of the {problem.model.noun}'s {choices}, got {', '.join(wanted)}"
         every = [name for names in estimable.values() for name in names]
@@ -217,13 +216,13 @@ def _selection_issues(problem: Statement) -> Iterator[Issue]:
 
 def _selection_reason(problem: Statement) -> str:
     # Why the readings cannot be weighted; "" if they can, or need not.
-    selection, sensors = problem.selection, problem.measurement.joint_sensors
+    selection, sensors = problem.selection, problem.sensors
     if selection is None:
         return ""
     if not sensors or any(sensor.joint_whitening is not None for sensor in sensors):
         text = "weights need sensors whose readings are independent of each other"
         return f"{text}; {problem.measurement.kind} are not"
-    noise = process_noise_of(sensors)
+    noise = problem.process_noise
     if noise is not None:
         text = "under drift what a reading says depends on the others, and weights would have to add it up"
         text = "weights of trials do not go with drift" if selection.of == "trials" else text

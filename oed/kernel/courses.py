@@ -13,8 +13,8 @@ from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.simulate import simulate
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading, sensor_labels
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 
 
@@ -122,7 +122,7 @@ def _simulated(system: System, trajectory: Trajectory, finer: int) -> Iterator[t
 
 
 def _courses(problem: Problem, moments: Sequence[Array], places: Array, finer: int = 1) -> Iterator[Course]:
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
         if sensor.when != "between samples":
             yield from _courses_of(problem, sensor, label, moments, places, finer)

@@ -78,7 +78,7 @@ def _advice(problem: Problem) -> str:
 
 def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> str:
     runs = trajectory.runs
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     times = row_times(sensors, problem.system, trajectory.samples // runs, runs)
     if len(times) != count:
         return f"{problem.measurement.kind} (reading {row})"

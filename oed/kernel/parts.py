@@ -15,8 +15,8 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import row_times, sensor_labels
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.measurement.square_root import SquareRoot
 
 

@@ -12,8 +12,9 @@ from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
-from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.selection import Selection
 from oed.kernel.statement import Statement
 from oed.kernel.tightening import ParameterUncertainty, Tightening
@@ -50,7 +51,7 @@ class Problem(Statement):
         self,
         model: System,
         design: Space,
-        measurement: Measurement | Sequence[Sensor],
+        measurement: Measurement | Sensor | Sequence[Sensor],
         limits: Limit | Sequence[Limit],
         criterion: Criterion | str,
         name: str = "",
@@ -70,6 +71,13 @@ class Problem(Statement):
             object.__setattr__(self, key, part)
         object.__setattr__(self, "model", self.design.driving(self.model))
         issues = problem_issues(self)
+        if isinstance(measurement, Sensor):
+            # It was given without a list to number it in.
+            first = "measurement", 0
+            issues = [
+                Issue((*first[:1], *issue.key[2:]), issue.message) if issue.key[:2] == first else issue
+                for issue in issues
+            ]
         if issues:
             raise ProblemError(issues)
 

@@ -11,7 +11,6 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import resolved
-from oed.kernel.measurement.measurement import process_noise_of
 from oed.kernel.measurement.square_root import SquareRoot, rounding_of
 from oed.kernel.parts import Parts, laid_out, rows_of
 from oed.kernel.problem import Problem
@@ -26,8 +25,8 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
         ProblemError: a measurement whose readings do not add up: of regressions, or correlated.
         ValueError, NotFinite: see `evaluate`.
     """
-    sensors = problem.measurement.joint_sensors
-    alone = all(sensor.joint_whitening is None for sensor in sensors) and process_noise_of(sensors) is None
+    sensors = problem.sensors
+    alone = all(sensor.joint_whitening is None for sensor in sensors) and problem.process_noise is None
     if not sensors or not alone:
         text = "its readings do not add up one by one: weights need sensors with independent readings"
         raise ProblemError.about(("measurement", "kind"), text)

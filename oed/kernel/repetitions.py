@@ -127,7 +127,7 @@ def _by_part(problem: Problem, trajectory: Trajectory, parts: Parts, costs: Arra
 def _periods(problem: Problem, trajectory: Trajectory) -> Places:
     # The period among all in which each reading is taken.
     samples, period = trajectory.samples // trajectory.runs, trajectory.period
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     readings = laid_out(sensors, problem.system, samples, trajectory.runs, period).readings
     places = np.array([reading.time for reading in readings]) / period
     runs = np.array([reading.run for reading in readings], dtype=int)

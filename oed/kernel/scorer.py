@@ -88,7 +88,7 @@ def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) 
     scorer, _ = _scorer_of(problem, trajectory)
     *_, (jacobian,), (magnitudes,) = scorer.measured(trajectory)
     (estimation,), samples = scorer.estimations, trajectory.samples // trajectory.runs
-    rows = row_times(problem.measurement.joint_sensors, problem.system, samples, trajectory.runs)
+    rows = row_times(problem.sensors, problem.system, samples, trajectory.runs)
     read = np.array([trajectory.each[run].period * time for _, run, time in rows])
     # What is read at a time counts, however that is rounded.
     until = [jacobian * (read <= time + NEVER * trajectory.period)[:, None] for time in times]
@@ -205,7 +205,7 @@ class _Scorer:
         robot = self.problem.system.nominal if parameters is None else parameters
         arguments = drive.inputs.T, (drive.starts + shift).T, np.array(robot), np.array(drive.period)
         groups = self._of_measuring.values(*arguments)
-        roots = root_weights(self.problem.measurement.joint_sensors, self.problem.system, drive)
+        roots = root_weights(self.problem.sensors, self.problem.system, drive)
         if roots is not None:
             # A reading that counts w times says as much as w readings.
             groups[2] = [roots[:, None] * jacobian for jacobian in groups[2]]
@@ -262,7 +262,7 @@ class _Scorer:
         ]
         margins += _conditions(problem, trajectory)
         if problem.selection is not None:
-            sensors = problem.measurement.joint_sensors
+            sensors = problem.sensors
             margins += problem.selection.margins(sensors, problem.system, trajectory)
         return tuple(margins)
 

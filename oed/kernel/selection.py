@@ -14,7 +14,7 @@ from oed.foundation.quantities import parse_quantity
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.parts import Budget, Parts, budgets_of, laid_out
 from oed.kernel.results import Margin
 

@@ -28,10 +28,11 @@ from oed.kernel.measurement.information import (
     square_root,
     weights_of,
 )
-from oed.kernel.measurement.joint import blocks_of
-from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.measurement import Measurement, sensors_of
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.process_noise import ProcessNoise
 from oed.kernel.measurement.readings import constants_of
+from oed.kernel.measurement.sensor import Sensor, process_noise_of
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.selection import Selection
 from oed.kernel.tightening import ParameterUncertainty, Tightening, UncertainSystem, tightened_rows
@@ -118,11 +119,21 @@ class Statement(Presented):
         """The system with the parameters to estimate: the model, or the same known by others."""
         return self.model.estimating(self.estimated_of_system or ())
 
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """The sensors that read; () for a regression."""
+        return sensors_of(self.measurement)
+
+    @property
+    def process_noise(self) -> ProcessNoise | None:
+        """Process noise that the sensors state; None without any."""
+        return process_noise_of(self.sensors)
+
     @cached_property
     def constants(self) -> dict[str, Nuisance]:
         """Constants of sensors that `estimate` names, with the nuisances that they would be else."""
         names_of_system = {name for names in self.model.estimable.values() for name in names}
-        constants = constants_of(self.measurement.joint_sensors)
+        constants = constants_of(self.sensors)
         return {
             name: constants[name]
             for name in self.estimate or ()
@@ -282,7 +293,7 @@ class Statement(Presented):
 
     def _blocks(self, drive: Drive) -> tuple[Block, ...]:
         labels = {name: constant.name for name, constant in self.constants.items()}
-        return tuple(block.asking(labels) for block in blocks_of(self.measurement, drive))
+        return tuple(block.asking(labels) for block in self.measurement.blocks(drive))
 
     @cached_property
     def _any_drive(self) -> Drive:

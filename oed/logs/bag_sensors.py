@@ -14,7 +14,7 @@ from pydantic import model_validator
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue
 from oed.foundation.text import count
-from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.sensor import Sensor
 from oed.logs.bag import Bag, series_of
 from oed.logs.bag import Clock as Stamps
 from oed.logs.bag_fields import (

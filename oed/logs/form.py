@@ -22,7 +22,8 @@ from oed.foundation.errors import FileIssue, Issue, LogError, ProblemError
 from oed.foundation.quantities import Duration
 from oed.foundation.text import listing
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.measurement import Measurement, measurement_of, sensors_of
+from oed.kernel.measurement.sensor import Sensor
 from oed.logs.log import Log
 from oed.logs.series import together
 
@@ -122,7 +123,7 @@ def is_bag(file: Path) -> bool:
 
 @typed
 def read_logs(
-    files: Sequence[str | Path], form: LogForm, model: System, measurement: Measurement | None = None
+    files: Sequence[str | Path], form: LogForm, model: System, measurement: Measurement | Sensor | None = None
 ) -> list[Log]:
     """The drives in robots' logs, in the order of the files, one `Log` for each run.
 
@@ -136,12 +137,13 @@ def read_logs(
         ProblemError: the form does not fit the robot.
         LogError: every mistake in any of the files, each with its line, or no files at all.
     """
-    issues = [*form.issues(model), *form.sensor_issues(measurement)]
+    measured = None if measurement is None else measurement_of(measurement)
+    issues = [*form.issues(model), *form.sensor_issues(measured)]
     if issues:
         raise ProblemError(issues)
     if not files:
         raise LogError.about("", "no logs were given")
-    logs = itertools.chain(*together(partial(_read, Path(file), form, model, measurement) for file in files))
+    logs = itertools.chain(*together(partial(_read, Path(file), form, model, measured) for file in files))
     return _distinct(_with_wheels_checked(list(logs), model))
 
 
@@ -152,7 +154,7 @@ def _read(file: Path, form: LogForm, model: System, measurement: Measurement | N
 
 def _as_measured(log: Log, form: LogForm, measurement: Measurement | None) -> Log:
     # A column or message may have more than the study's poses measure, of another instrument for example.
-    sensors = () if measurement is None else measurement.joint_sensors
+    sensors = sensors_of(measurement)
     measured = [
         name for sensor in sensors if sensor.kind == POSES for name in getattr(sensor, "quantities", ())
     ]

@@ -11,7 +11,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError
 from oed.foundation.quantities import plain_number
 from oed.foundation.text import listing
-from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.sensor import Sensor
 from oed.logs.series import Rows, Series
 
 ROWS = ("range", "bearing", "orientation")

@@ -15,8 +15,9 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.component import Component
 from oed.foundation.errors import FileIssue, Issue, LogError
 from oed.foundation.text import did_you_mean, listing
-from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.measurement import Measurement, sensors_of
 from oed.kernel.measurement.readings import sensor_labels
+from oed.kernel.measurement.sensor import Sensor
 from oed.logs.drive import MARGIN
 from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.log import Log, SensorReadings
@@ -52,7 +53,7 @@ def labelled(measurement: Measurement | None) -> dict[str, Sensor]:
     """A measurement's sensors by the names that `log: sensors:` has for them: their kinds, numbered from the
     second of a kind on.
     """
-    sensors = () if measurement is None else measurement.joint_sensors
+    sensors = sensors_of(measurement)
     return dict(zip(sensor_labels(sensors), sensors, strict=True))
 
 

@@ -20,9 +20,9 @@ from oed.kernel.dynamics.space import SignalSpace, Spline
 from oed.kernel.dynamics.system import Input, System
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Sensor, Start, joined
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.measurement import measurement_of
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
+from oed.kernel.measurement.sensor import Moment, Sensor, Start
 from oed.kernel.pace import PACE, pace_of
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import EFFORT
@@ -237,7 +237,7 @@ def lift(problem: Problem) -> Problem | None:
     It is None where nothing is chosen together with inputs. In spaces of splines, and where whole trials are
     weighted, weights are instead chosen after the search, for the trajectory that it found.
     """
-    space, sensors = problem.design, problem.measurement.joint_sensors
+    space, sensors = problem.design, problem.sensors
     # A system without inputs has no signals, but its start states may be chosen with the readings.
     if not isinstance(space, SignalSpace) or (problem.model.inputs and not space.signals):
         return None
@@ -264,7 +264,7 @@ def lift(problem: Problem) -> Problem | None:
         design=space.model_copy(
             update={"signals": (*space.signals, *signals), "spline": Spline(), "shortest": None}
         ),
-        measurement=lifted_sensors[0] if len(lifted_sensors) == 1 else joined(lifted_sensors),
+        measurement=measurement_of(lifted_sensors),
         limits=(*problem.limits, *limits),
         selection=None,
     )
@@ -272,7 +272,7 @@ def lift(problem: Problem) -> Problem | None:
 
 def _weighted(problem: Problem) -> bool:
     selection = problem.selection
-    between = any(sensor.when == "between samples" for sensor in problem.measurement.joint_sensors)
+    between = any(sensor.when == "between samples" for sensor in problem.sensors)
     return selection is not None and selection.of == "readings" and not between
 
 
@@ -295,9 +295,9 @@ def _further(problem: Problem, efforts: int) -> tuple[list[Limit], list[Signal]]
 def _totals(problem: Problem) -> list[EffortTotal]:
     selection = problem.selection
     assert selection is not None
-    parts = selection.parts_of(problem.measurement.joint_sensors, problem.system, problem.design)
+    parts = selection.parts_of(problem.sensors, problem.system, problem.design)
     labels = list(dict.fromkeys(reading.sensor for reading in parts.readings))
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     timed = tuple(f"{EFFORT}{place}" for place, sensor in enumerate(sensors) if sensor.continuous)
     totals = []
     for number, budget in enumerate(selection.budgets(parts)):
@@ -314,7 +314,7 @@ def _totals(problem: Problem) -> list[EffortTotal]:
 
 def _sizes(problem: Problem, place: int) -> tuple[float, ...]:
     # Size of the readings of a sensor in every period of all runs.
-    sensor, space = problem.measurement.joint_sensors[place], problem.design
+    sensor, space = problem.sensors[place], problem.design
     held = np.minimum(sensor.columns(space.samples), space.samples - 1)
     sizes = np.bincount(held, minlength=space.samples) * (space.period if sensor.continuous else 1.0)
     return tuple(np.tile(sizes, space.runs).tolist())

@@ -128,7 +128,7 @@ def _title(solution: Solution) -> str:
 
 def _room(problem: Problem) -> Room:
     obstacles = next((one for one in problem.limits if isinstance(one, Obstacles)), None)
-    beacons = points_seen(problem.measurement.joint_sensors)
+    beacons = points_seen(problem.sensors)
     shapes = () if obstacles is None else obstacles.shapes
     return Room(workspace_of(problem.limits), shapes, beacons, getattr(problem.model, "body_radius", 0.0))
 

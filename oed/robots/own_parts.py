@@ -23,10 +23,9 @@ from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, signaller
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.blocks import Block
-from oed.kernel.measurement.joint import blocks_of
-from oed.kernel.measurement.measurement import Measurement, Sensor
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.measurement import Measurement, measurement_of
 from oed.kernel.measurement.readings import moment_reading
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.kernel.problem import Problem
 
 Key = tuple[str | int, ...]
@@ -79,7 +78,7 @@ def measurement_issues(file: Any) -> list[Issue]:
     space = file.space
     system = space.driving(file.model)
     return _issues(file, Sensor, lambda one: _try_sensor(one, system)) or _issues(
-        file, Measurement, lambda one: _try_measurement(one, system, space)
+        file, (Sensor, Measurement), lambda one: _try_measurement(measurement_of(one), system, space)
     )
 
 
@@ -102,7 +101,7 @@ def code_issue(file: Any, error: OwnCodeError) -> Issue:
     return Issue(keys[0] if keys else (), str(error))
 
 
-def _issues(file: Any, family: type, trial: Callable[[Any], None]) -> list[Issue]:
+def _issues(file: Any, family: type | tuple[type, ...], trial: Callable[[Any], None]) -> list[Issue]:
     found = []
     for key, part in components(file):
         if is_own(part) and isinstance(part, family):
@@ -138,7 +137,7 @@ def _try_sensor(sensor: Sensor, system: System) -> None:
 
 def _try_measurement(measurement: Measurement, system: System, space: Space) -> None:
     drive = drive_shape(system, samples=space.samples, runs=space.runs, period=space.period)
-    blocks = blocks_of(measurement, drive)
+    blocks = measurement.blocks(drive)
     _require("blocks", blocks, tuple)
     for block in blocks:
         _require("blocks", block, Block)

@@ -8,7 +8,7 @@ from oed.bounds.certificate import LATTICE
 from oed.estimation.methods import estimator_issues
 from oed.foundation.errors import Issue
 from oed.foundation.files import file_stem, name_issue
-from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.measurement import Measurement, measurement_of, sensors_of
 from oed.kernel.solution import NOMINAL
 from oed.robots.baselines import label
 from oed.study.parts import PathFile
@@ -34,7 +34,9 @@ OF_DESIGNS = (
 
 def file_issues(file: StudyFile) -> list[Issue]:
     """Why keys that every study has do not go together; [] where they do."""
-    validated = validation_issues(file.validation, file.measurement) if file.validation else []
+    validated = (
+        validation_issues(file.validation, measurement_of(file.measurement)) if file.validation else []
+    )
     issues = [*_name_issues(file), *_start_issues(file), *_drift_issues(file), *validated]
     # Robots drawn from it are simulated on every drive.
     if file.uncertainty is not None and file.robust is None and file.domain != "robots":
@@ -52,7 +54,7 @@ def _log_issues(file: RobotStudyFile) -> list[Issue]:
     # What does not fit the robot, or its sensors.
     if file.log is None:
         return []
-    return [*file.log.issues(file.robot), *file.log.sensor_issues(file.measurement)]
+    return [*file.log.issues(file.robot), *file.log.sensor_issues(measurement_of(file.measurement))]
 
 
 def _design_issues(file: RobotStudyFile) -> list[Issue]:
@@ -66,7 +68,7 @@ def _design_issues(file: RobotStudyFile) -> list[Issue]:
 
 def _drift_issues(file: StudyFile) -> list[Issue]:
     # What there is none of need not be left out.
-    sensors = file.measurement.joint_sensors
+    sensors = sensors_of(file.measurement)
     if any(
         getattr(sensor, "drift", None) is not None or getattr(sensor, "diffusion", ()) for sensor in sensors
     ):

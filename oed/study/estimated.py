@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from oed.foundation.errors import Issue, ProblemError
-from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.measurement import Sensors
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.sensors.drift import Drift as Drift
 from oed.robots.sensors.drift import DriftRecord
 from oed.robots.sensors.pose_noise import AbsoluteNoise, DiscrepancyRecord
@@ -60,7 +61,7 @@ def with_estimates(file: File, folder: Path, estimates: Estimates) -> File:
             issues.extend(Issue((*key, "record"), issue.message) for issue in error.issues)
             return None
 
-    def numbers(key: Key, sensor: Measurement) -> Measurement:
+    def numbers(key: Key, sensor: Sensor) -> Sensor:
         noise, drift = getattr(sensor, "noise", None), getattr(sensor, "drift", None)
         if isinstance(noise, AbsoluteNoise) and isinstance(noise.discrepancy, DiscrepancyRecord):
             found = read((*key, "noise", "discrepancy"), noise.discrepancy.record, estimates.discrepancy)
@@ -70,11 +71,10 @@ def with_estimates(file: File, folder: Path, estimates: Estimates) -> File:
             sensor = sensor.model_copy(update={"drift": found})
         return sensor
 
-    several = getattr(measurement, "sensors", None)
-    if several is None:
+    if isinstance(measurement, Sensor):
         measurement = numbers(("measurement",), measurement)
-    else:
-        each = tuple(numbers(("measurement", index), one) for index, one in enumerate(several))
+    elif isinstance(measurement, Sensors):
+        each = tuple(numbers(("measurement", index), one) for index, one in enumerate(measurement.sensors))
         measurement = measurement.model_copy(update={"sensors": each})
     if issues:
         raise ProblemError(issues)

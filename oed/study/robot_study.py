@@ -17,7 +17,7 @@ from oed.robots.baselines import try_baselines
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
 from oed.robots.presets import with_preset
-from oed.robots.sensors import MEASUREMENTS, Measurement
+from oed.robots.sensors import MEASUREMENTS, Measurement, Sensor
 from oed.robots.space import DesignSpace
 from oed.simulation.trial import Trial, trial_issues
 from oed.study.cross_checks import file_issues, robot_issues
@@ -59,7 +59,7 @@ class RobotStudyFile(StudyFile):
     domain: ClassVar[str] = "robots"
     robot: Annotated[Model, OneOf(MODELS)]
     trajectory: DesignSpace | None = None
-    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
+    measurement: Annotated[Sensor | Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
     prior: AnyPrior | None = None
     limits: Annotated[Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
     baselines: tuple[AnyBaseline, ...] = ()

@@ -20,6 +20,7 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 from oed.kernel.selection import Selection
 from oed.optimize import SOLVERS, Ipopt, Solver
@@ -39,7 +40,7 @@ class StudyFile(Component, ABC):
     """What it is about; pages have its words."""
     format: Literal[1]
     name: Annotated[str, Field(min_length=1)]
-    measurement: Measurement
+    measurement: Measurement | Sensor
     estimate: tuple[str, ...] | None = None
     prior: AnySystemPrior | None = None
     uncertainty: Uncertainty | None = None

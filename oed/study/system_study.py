@@ -28,8 +28,9 @@ from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.space import Space
 from oed.kernel.limit import Limit
-from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.measurement import Measurement, sensors_of
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import score
 from oed.robots.own_parts import PythonSensor
@@ -39,7 +40,7 @@ from oed.study.robot_study import sensor_list
 from oed.study.study_file import StudyFile
 from oed.uncertainty.uncertainty import spread_of
 
-MEASUREMENTS: tuple[type[Measurement], ...] = (*SENSORS, SeveralOutputs, PythonSensor)
+MEASUREMENTS: tuple[type[Measurement | Sensor], ...] = (*SENSORS, SeveralOutputs, PythonSensor)
 """What a study's `measurement` may be."""
 WORDS = {
     "a drive": "an experiment",
@@ -64,7 +65,7 @@ class SystemStudyFile(StudyFile):
     domain: ClassVar[str] = "systems"
     system: Annotated[SystemKeys, OneOf((EquationKeys, PythonSystem))]
     experiment: Experiment
-    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
+    measurement: Annotated[Sensor | Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
     limits: tuple[Annotated[ExpressionLimit, OneOf(EXPRESSION_LIMITS)], ...] = ()
     prior: AnySystemPrior | None = None
     baselines: tuple[PathFile, ...] = ()
@@ -144,7 +145,7 @@ class SystemStudyFile(StudyFile):
     def shown_units(self) -> Mapping[str, Unit]:
         """Of parameters, initial values, inputs and outputs that are read, as they are written."""
         given: dict[str, object] = {}
-        for one in self.measurement.joint_sensors:
+        for one in sensors_of(self.measurement):
             given |= dict(one.noise) if isinstance(one, OutputSensor) else {}
         candidates = self.experiment.candidates
         given |= {} if candidates is None else candidates.largest

@@ -17,7 +17,8 @@ from oed.estimation.prediction.segments import Labelled, nuisances_of
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.sensor import Sensor
 from oed.logs.log import Log, SensorReadings
 from oed.logs.sensors import Clock, labelled
 from oed.records.record import EstimateRecord

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 from oed.kernel.evaluation import evaluate
-from oed.kernel.measurement.joint import process_issues
-from oed.kernel.measurement.measurement import Measurement, process_noise_of
+from oed.kernel.measurement.measurement import Measurement, measurement_of
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.robots.sensors.drift import DriftingSensor
-from oed.robots.sensors.several import Several
 
 
 def usual_drift_deviations(problem: Problem, solution: Solution) -> dict[str, float]:
@@ -29,24 +29,22 @@ def usual_drift_deviations(problem: Problem, solution: Solution) -> dict[str, fl
 @lru_cache(maxsize=16)
 def _with_usual_drift(problem: Problem) -> Problem | None:
     # The same object for all drives of a study, for what scores them is compiled once for each problem.
-    measurement = _drifting(problem.measurement)
+    measurement = _drifting(problem.sensors)
     if measurement is None or problem.selection is not None:
         return None
-    if process_noise_of(problem.measurement.joint_sensors) is not None:
+    if problem.process_noise is not None:
         return None
-    if any(process_issues(measurement.joint_sensors, problem.system)):
+    if measurement.issues(problem.system, problem.design.samples):
         return None
     return replace(problem, measurement=measurement)
 
 
-def _drifting(measurement: Measurement) -> Measurement | None:
-    sensors = measurement.joint_sensors
+def _drifting(sensors: Sequence[Sensor]) -> Measurement | None:
     if not any(isinstance(sensor, DriftingSensor) for sensor in sensors):
         return None
-    drifting = tuple(
-        sensor.model_copy(update={"drift": "usual"}) if isinstance(sensor, DriftingSensor) else sensor
-        for sensor in sensors
+    return measurement_of(
+        [
+            sensor.model_copy(update={"drift": "usual"}) if isinstance(sensor, DriftingSensor) else sensor
+            for sensor in sensors
+        ]
     )
-    if isinstance(measurement, Several):
-        return measurement.model_copy(update={"sensors": drifting})
-    return drifting[0]

@@ -35,4 +35,4 @@ def test_per_cents_of_an_output_are_refused_at_their_line(unit: str, noise: str)
 
 def test_plain_numbers_are_in_the_unit_of_a_plain_output():
     study = parse_study(TEXT.format(unit="", noise="0.05"))
-    assert study.problem.measurement.sizes == (0.05,)
+    assert study.problem.sensors[0].sizes == (0.05,)

@@ -299,7 +299,7 @@ class TestEstimate:
     @pytest.mark.slow
     def test_gls_of_positions_with_noise_as_specified(self):
         found = estimated(method="gls", segment="log", noise="specified")
-        specified = logged_problem().measurement.noise.position
+        specified = logged_problem().sensors[0].noise.position
         assert found.fit.correlated.white == {"position": pytest.approx(specified)}
 
     @pytest.mark.slow

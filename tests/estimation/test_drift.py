@@ -181,7 +181,7 @@ class TestRates:
     def test_are_those_of_the_poses_where_other_sensors_read_as_well(self):
         drive = drifting(course(seconds=30.0, seed=1), TRUE, 3 * USUALLY, 1)
         log = with_sensors(drive, gyro(drive, noise=0.01, bias=0.02), noise=NOISE, seed=1)
-        poses = logged_problem().measurement
+        poses = logged_problem().sensors[0]
         problem = logged_problem(measurement=Several(sensors=(poses, YawRate(noise=0.01))))
         found, alone = (
             calibrate(one, [read], options(segment=4.0, sensor_place=(), clock_offset=False)).drift

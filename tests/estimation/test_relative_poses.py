@@ -89,7 +89,7 @@ class TestEstimates:
     def test_a_mounting_that_is_known_is_not_estimated(self, tmp_path: Path):
         mounting = dict(zip(("x", "y", "heading"), MOUNTED, strict=True))
         sensor = RelativePoses(mounting={**mounting, "known": True})
-        sensor = sensor.model_copy(update={"noise": PROBLEM.measurement.noise})
+        sensor = sensor.model_copy(update={"noise": PROBLEM.sensors[0].noise})
         problem = problem_of(model=NOMINAL, limits=input_limits, criterion=E(), measurement=sensor)
         found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=30)), problem, clock_offset=False)
         assert found.fit.unknowns.place == ()
@@ -97,7 +97,7 @@ class TestEstimates:
 
     @pytest.mark.slow
     def test_a_search_begins_from_a_mounting_that_the_study_has_right(self, tmp_path: Path):
-        sensor = RelativePoses(noise=PROBLEM.measurement.noise, mounting={"heading": MOUNTED[2]})
+        sensor = RelativePoses(noise=PROBLEM.sensors[0].noise, mounting={"heading": MOUNTED[2]})
         problem = problem_of(model=NOMINAL, limits=input_limits, criterion=E(), measurement=sensor)
         found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=30)), problem, clock_offset=False)
         assert found.fit.unknowns.sits[2] == MOUNTED[2]
@@ -107,7 +107,7 @@ class TestEstimates:
     def test_a_prior_of_the_mounting_counts(self, tmp_path: Path):
         logs = logs_of(tmp_path, matched(seconds=60))
         asked = partial(problem_of, model=NOMINAL, limits=input_limits, criterion=D())
-        sensor = RelativePoses(noise=PROBLEM.measurement.noise, mounting={"x": -0.003, "y": 0.02})
+        sensor = RelativePoses(noise=PROBLEM.sensors[0].noise, mounting={"x": -0.003, "y": 0.02})
         names = (*TRUTH, "sensor_y")
         free = estimated(logs, asked(measurement=sensor, estimate=names), clock_offset=False)
         assert free.parameters == tuple(TRUTH)

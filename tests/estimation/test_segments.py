@@ -15,8 +15,8 @@ from sample_robots import ROBOTS, Example, cases, draw_inputs, motion_by_paramet
 
 from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.kernel.dynamics.rollout import roll_out
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import readings
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.sensors import Poses, Ranges, YawRate
 from oed.robots.sensors.mounting import LeverArm
 

@@ -17,7 +17,7 @@ from oed.estimation import Calibration, CalibrationOptions, calibrate
 from oed.estimation.prediction.grids import grid_of
 from oed.estimation.prediction.layout import cut
 from oed.foundation.errors import LogError, ProblemError
-from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 from oed.logs.log import Log, SensorReadings
 from oed.robots.sensors import Landmarks, Poses, Ranges, Several, Tags, YawRate

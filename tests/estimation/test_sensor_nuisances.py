@@ -10,7 +10,7 @@ from builders import SPEED, problem_of, random_drive
 
 from oed.estimation.methods import Nonlinear
 from oed.kernel.criteria import E
-from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.sensors import Landmarks, Poses, Ranges, Several, Tags, YawRate
 from oed.robots.space import StartPose
 from oed.simulation import validate

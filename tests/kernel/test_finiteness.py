@@ -17,7 +17,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import ambiguities, require_identifiable
 from oed.kernel.limit import PathLimit, Rows
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment
 from oed.kernel.solution import Status
 from oed.robots.baselines import baselines
 from oed.robots.limits import WheelJerk

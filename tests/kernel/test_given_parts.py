@@ -14,10 +14,8 @@ import pytest
 from builders import problem_of, random_drive
 
 import oed
-from oed.equations.outputs import SeveralOutputs
 from oed.foundation.arguments import WrongKind, require_count
 from oed.foundation.errors import PartError
-from oed.kernel.measurement.measurement import joined
 from oed.kernel.solution import unscored
 from oed.robots import limits
 
@@ -76,15 +74,9 @@ def test_drive_shows_the_attribute_error_of_its_properties(monkeypatch: pytest.M
 
 def test_a_list_of_sensors_is_the_sensors_together():
     problem = problem_of(measurement=[POSES, GYRO])
-    assert problem.measurement == oed.Several(sensors=(POSES, GYRO))
-    assert problem_of(measurement=(GYRO,)).measurement.sensors == (GYRO,)
-
-
-def test_sensors_are_joined_by_the_narrowest_sort_that_all_are_of():
-    outputs = oed.Outputs(noise={"a": 0.1}), oed.Rates(noise={"a": 0.1})
-    assert type(joined((POSES, GYRO))) is oed.Several
-    assert type(joined(outputs)) is SeveralOutputs
-    assert joined(outputs).sensors == outputs
+    assert problem.sensors == (POSES, GYRO)
+    assert problem_of(measurement=oed.Several(sensors=(POSES, GYRO))).sensors == (POSES, GYRO)
+    assert problem_of(measurement=(GYRO,)).sensors == problem_of(measurement=GYRO).sensors == (GYRO,)
 
 
 @pytest.mark.parametrize("kind", [oed.E, oed.D, oed.A])

@@ -267,7 +267,7 @@ def test_every_criterion_judges_the_information_under_drift():
 
 def test_filters_are_kept():
     problem = problem_of(measurement=POSES, criterion=E())
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     first, again = (filter_of(sensors, problem.system, DRIFT) for _ in range(2))
     assert first is again
 

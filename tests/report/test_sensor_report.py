@@ -21,8 +21,7 @@ from shown_in import column, section, text_of
 from oed.foundation.errors import RecordError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.measurement import Sensor
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.records.record import Record, load_record
 from oed.report import write_comparison

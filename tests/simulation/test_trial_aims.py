@@ -53,7 +53,7 @@ def test_the_task_is_the_held_out_drives_themselves():
 def test_a_discrepancy_is_designed_with_and_not_calibrated_with(text, name):
     _, found = aims_of(text + NUMBERS)
     assert [one.name for one in found[-2:]] == [name, f"{name} with discrepancy"]
-    plain, noisier = (one.model.problem.measurement.noise for one in found[-2:])
+    plain, noisier = (one.model.problem.sensors[0].noise for one in found[-2:])
     assert plain.discrepancy is None
     assert noisier.discrepancy == Discrepancy(position_per_speed=0.02)
     assert noisier.of_sensor == plain

@@ -87,7 +87,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_estimate_of_a_pilot_drive_gives_the_numbers(estimated: Path):
     file = estimated / "study.yaml"
     file.write_text(with_discrepancy("discrepancy: {record: pilot}"))
-    found = load_study(file).problem.measurement.noise.discrepancy
+    found = load_study(file).problem.sensors[0].noise.discrepancy
     own = [one for one in load_estimate(estimated / "pilot").residuals if one.quantity == "heading"]
     table = np.concatenate([np.array([one.value, one.speed, one.yaw_rate]).T for one in own])
     _, per_speed, per_yaw_rate = growth(*table.T)
@@ -110,7 +110,7 @@ def test_residuals_of_a_path_that_follows_the_readings_are_no_discrepancy(tmp_pa
         load_study(file)
     # Its drift is what designs are to have.
     file.write_text(with_drift("{record: pilot}"))
-    found = load_study(file).problem.measurement.process_noise
+    found = load_study(file).problem.process_noise
     reported = load_estimate(tmp_path / "pilot").drift
     assert found.heading_per_radian == pytest.approx(reported.turn_by_turning)
 
@@ -139,7 +139,7 @@ def test_an_estimate_of_logs_gives_their_drift(estimated: Path):
     file = estimated / "study.yaml"
     file.write_text(with_drift("{record: pilot}"))
     found, reported = (
-        load_study(file).problem.measurement.process_noise,
+        load_study(file).problem.process_noise,
         load_estimate(estimated / "pilot").drift,
     )
     assert found.heading_per_radian == reported.turn_by_turning > 0

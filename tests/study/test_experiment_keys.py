@@ -180,15 +180,14 @@ class TestStarts:
 
     def test_all_sensors_know_starts_alike_but_those_that_say_it_themselves(self):
         study = self.decay("{unknown: 1, deviation: 0.1}")
-        alone = study.problem.measurement
-        assert isinstance(alone, oed.Outputs)
+        (alone,) = study.problem.sensors
         assert dict(alone.start)["x"] == 0.1
         given = study.echo()["measurement"]
         rates = {"kind": "rates", "noise": given["noise"]}
         both = study.changed(measurement=[given, rates]).problem.measurement.sensors
         assert [one.kind for one in both] == ["outputs", "rates"]
         assert [one.start for one in both] == [alone.start] * 2
-        own = study.changed(measurement={**given, "start": "unknown"}).problem.measurement
+        own = study.changed(measurement={**given, "start": "unknown"}).problem.sensors[0]
         assert own.start == "unknown"
 
 
@@ -325,7 +324,7 @@ def test_rates_are_integrals_of_what_is_read():
     drive = study.problem.design.only
     every = study.changed(weights=None).problem
     expected = quad(lambda time: (time * np.exp(-2 * time)) ** 2, 0, 1)[0]
-    noise = every.measurement.sizes[0]
+    noise = every.sensors[0].sizes[0]
     assert oed.evaluate(every, drive).lambda_min * noise**2 == pytest.approx(expected, rel=1e-5)
 
 

@@ -154,7 +154,7 @@ def test_code_is_run_for_who_trusts_it_only(home: Path) -> None:
 
 @pytest.mark.slow
 def test_what_needs_the_code_says_so(home: Path) -> None:
-    (sensor,) = load_record(home / "out").study.measurement.joint_sensors[1:]
+    (sensor,) = load_record(home / "out").study.measurement.sensors[1:]
     assert isinstance(sensor, PythonSensor)
     assert sensor.columns(20) == list(range(0, 21, 2))
     with pytest.raises(UserMistake, match=r"own:Compass is code, of .*own\.py, and was not run"):
@@ -333,5 +333,5 @@ def test_a_sensor_may_read_between_two_moments(folder: Path):
     keys["limits"].pop("own")
     keys["criterion"] = "D"
     (folder / "study.yaml").write_text(yaml.safe_dump(keys), encoding="utf-8")
-    sensor = load_study(folder / "study.yaml").problem.measurement.joint_sensors[1]
+    sensor = load_study(folder / "study.yaml").problem.sensors[1]
     assert sensor.columns(20) == [4, 8, 12, 16, 20]

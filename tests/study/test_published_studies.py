@@ -66,7 +66,7 @@ def found_otherwise(name: str, **changed: object) -> tuple[oed.Study, Result]:
 
 def noise_of(study: oed.Study) -> float:
     """The standard deviation that all of a study's outputs are read with; published values are of 1."""
-    sizes = {size for sensor in study.problem.measurement.joint_sensors for size in sensor.sizes}
+    sizes = {size for sensor in study.problem.sensors for size in sensor.sizes}
     assert len(sizes) == 1
     return sizes.pop()
 

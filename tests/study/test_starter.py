@@ -15,7 +15,6 @@ import pytest
 from oed.cli import main
 from oed.foundation.errors import StudyError, UserMistake
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import process_noise_of
 from oed.logs import read_logs
 from oed.optimize import Ipopt, solve
 from oed.records.path_file import write_trajectory
@@ -188,7 +187,7 @@ def test_every_robot_with_every_sensor(robot: str, sensor: str):
     study.require_identifiable()
     assert study.problem.robust is not None
     # A regression on displacements has no filter that takes drift in.
-    drift = process_noise_of(study.problem.measurement.joint_sensors)
+    drift = study.problem.process_noise
     assert drift == (None if sensor == COEFFICIENTS else USUAL)
     assert len(study.file.baselines) >= (1 if robot == "bicycle_dynamic" else 4)
 
@@ -237,10 +236,9 @@ def require_read_as_it_says(study: Study, file: Path) -> None:
     between = (held[1:] + held[:-1]) / 2
     expected = np.where(steering, between, held[:-1])
     np.testing.assert_allclose(means[: len(between)], expected, atol=1e-9)
-    kind = study.problem.measurement
-    headings = any("heading" in getattr(one, "quantities", ()) for one in (kind, *kind.joint_sensors))
-    relative = "relative_poses" in [one.kind for one in kind.joint_sensors]
-    assert ("heading" in log.quantities) == (headings or relative or kind.kind == "displacements")
+    headings = any("heading" in getattr(one, "quantities", ()) for one in study.problem.sensors)
+    relative = "relative_poses" in [one.kind for one in study.problem.sensors]
+    assert ("heading" in log.quantities) == (headings or relative or not study.problem.sensors)
     assert ("trailer_angle" in log.quantities) == ("trailer_angle" in model.states and not relative)
 
 
@@ -424,8 +422,8 @@ class TestCommand:
         problem = load_study("ackermann.yaml").problem
         assert problem.design.runs == 2
         assert problem.model.nominal[:2] == pytest.approx([0.06, 0.4])
-        assert problem.measurement.quantities == ("x", "y")
-        assert problem.measurement.noise.position == pytest.approx(3e-3)
+        assert problem.sensors[0].quantities == ("x", "y")
+        assert problem.sensors[0].noise.position == pytest.approx(3e-3)
         asked = capsys.readouterr().err
         assert asked.count("Which robot") == 3
         for words in (
@@ -467,7 +465,7 @@ class TestCommand:
         assert "then: oed estimate husky.yaml LOG..." in capsys.readouterr().err
         study = load_study("husky.yaml")
         assert not study.problem.designed
-        assert study.problem.measurement.noise.position == pytest.approx(0.03)
+        assert study.problem.sensors[0].noise.position == pytest.approx(0.03)
 
     @pytest.mark.slow
     def test_it_is_asked_for_and_no_room_then(self, monkeypatch, capsys: pytest.CaptureFixture[str]):

@@ -8,7 +8,8 @@ from oed.estimation.methods.log_errors import RATES, ErrorSizes, of_rates
 from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_issue
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import ProblemError
-from oed.kernel.measurement.measurement import Measurement, process_noise_of
+from oed.kernel.measurement.measurement import Measurement, sensors_of
+from oed.kernel.measurement.sensor import process_noise_of
 from oed.robots.sensors.drift import Drift
 
 
@@ -46,7 +47,7 @@ def _specified(plain: Fit, measurement: Measurement) -> ErrorSizes:
     if any(noise.per_speed or noise.per_yaw_rate for noise in plain.noises.values()):
         text = "likelihood takes specified noise that does not grow with speed: use noise: estimated"
         raise ProblemError.about(("calibration", "noise"), text)
-    drift = process_noise_of(measurement.joint_sensors)
+    drift = process_noise_of(sensors_of(measurement))
     if drift is not None and not (isinstance(drift, Drift) and of_rates(drift)):
         text = f"likelihood has drift by {', '.join(RATES)}: state these alone, or use noise: estimated"
         raise ProblemError.about(("calibration", "noise"), text)

@@ -9,8 +9,9 @@ import numpy as np
 from oed.estimation.assessment.doubts import Doubt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.noise import groups, places_of
-from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.measurement import Measurement, sensors_of
 from oed.kernel.measurement.readings import sensor_labels
+from oed.kernel.measurement.sensor import Sensor
 from oed.logs.log import Log
 from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.relative_poses import logged_sensors
@@ -30,7 +31,7 @@ def unread(measurement: Measurement, logs: Sequence[Log]) -> list[str]:
         measurement: the study's.
         logs: that were read.
     """
-    sensors, read = measurement.joint_sensors, {one.sensor for log in logs for one in log.sensors}
+    sensors, read = sensors_of(measurement), {one.sensor for log in logs for one in log.sensors}
     states, logged = set(logs[0].quantities), logged_sensors(measurement, logs[0].motions is not None)
     fitted = [id(one) for one in logged if set(one.noises) & states or not one.noises]
     return [

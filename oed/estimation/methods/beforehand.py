@@ -9,9 +9,9 @@ import numpy as np
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, specified_mount
 from oed.foundation.arrays import Array
-from oed.kernel.measurement.joint import FRAME
-from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.measurement import FRAME, Measurement, sensors_of
 from oed.kernel.measurement.readings import labelled_nuisances
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.sensors.mapped import MappedSensor
 from oed.robots.sensors.placed import PlacedSensor
 
@@ -40,7 +40,7 @@ def known_before(
         prior: information on `prior_of`, SI.
         prior_of: parameters, and constants of the sensor.
     """
-    own = labelled_nuisances(measurement.joint_sensors)
+    own = labelled_nuisances(sensors_of(measurement))
     known = {one.name: one.deviation or LOOSE_CONSTANT.get(one.unit, LOOSE) for one in own}
     known |= specified_mount(measurement, relative=layout.relative).deviations
     known |= _frame_of(layout)

@@ -8,7 +8,8 @@ from oed.estimation.setup.options import Loss
 from oed.foundation.arguments import typed
 from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Measurement, process_noise_of
+from oed.kernel.measurement.measurement import Measurement, sensors_of
+from oed.kernel.measurement.sensor import process_noise_of
 from oed.kernel.problem import Problem
 from oed.robots.sensors.displacements import Displacements
 
@@ -50,7 +51,7 @@ def estimator_issues(
         missing = missing_noise(measurement, heading)
         text = f"simulating {heading} headings needs the noise of {', '.join(missing)}"
         return [Issue(("measurement", "noise"), text)] if missing else []
-    if not measurement.joint_sensors:
+    if not sensors_of(measurement):
         return [Issue(("validation",), f"no simulation is known for {measurement.kind}")]
     if chosen != "nonlinear":
         text = f"{measurement.kind} are estimated by nonlinear least squares; not by {chosen}"
@@ -58,7 +59,7 @@ def estimator_issues(
     if heading != "known":
         text = f"{heading} headings are for displacements; sensors read what they read"
         return [Issue(("validation", "heading"), text)]
-    if loss != "linear" and process_noise_of(measurement.joint_sensors) is not None:
+    if loss != "linear" and process_noise_of(sensors_of(measurement)) is not None:
         return [Issue(("validation", "loss"), LOSS_UNDER_DRIFT)]
     return []
 

@@ -32,7 +32,7 @@ from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_mount
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
-from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.measurement import Measurement, sensors_of
 from oed.kernel.measurement.readings import sensor_labels
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
@@ -185,7 +185,7 @@ class Fitting:
             return ()
         read = {one.sensor for log in prepared.logs for one in log.sensors}
         late = self.options.clock_offset and not prepared.logs[0].quantities
-        every = self.measurement.joint_sensors
+        every = sensors_of(self.measurement)
         known = zip(sensor_labels(every), every, strict=True)
         return tuple((label, punctual(one) if late else one) for label, one in known if label in read)
 

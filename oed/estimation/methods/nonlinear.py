@@ -29,9 +29,9 @@ from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.joint import start_nuisances
-from oed.kernel.measurement.measurement import process_noise_of
+from oed.kernel.measurement.measurement import start_nuisances
 from oed.kernel.measurement.readings import labelled_nuisances
+from oed.kernel.measurement.sensor import process_noise_of
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import require_shape, score
@@ -58,7 +58,7 @@ class Nonlinear(Estimator):
 
     def __init__(self, problem: Problem, trajectory: Trajectory, loss: Loss = "linear") -> None:
         """Write the readings as functions of the unknowns."""
-        sensors = problem.measurement.joint_sensors
+        sensors = problem.sensors
         if not sensors:
             text = f"joint least squares need sensors; {problem.measurement.kind} is a regression"
             raise ProblemError.about(("validation", "estimators"), text)

@@ -22,8 +22,8 @@ from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.system import stepper
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.filter import Filter, filter_of, reads_of, taken_in
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.process_noise import ProcessNoise
+from oed.kernel.measurement.sensor import Sensor
 
 CLOSE = 1e-9
 """Change of the unknowns, in units of their size, at which the search has arrived."""

@@ -17,8 +17,8 @@ from oed.estimation.prediction.walk import Walk
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Sensor, process_noise_of
 from oed.kernel.measurement.readings import whole_whitening
+from oed.kernel.measurement.sensor import Sensor, process_noise_of
 from oed.kernel.parts import root_weights
 
 

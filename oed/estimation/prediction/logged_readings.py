@@ -17,7 +17,7 @@ from oed.estimation.prediction.segments import Driven, Labelled, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.system import follows_state
-from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.models.model import Model
 from oed.robots.sensors.mapped import points_seen
 from oed.robots.sensors.relative_poses import RelativePoses

@@ -19,9 +19,8 @@ from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, carrier, stepper
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Sensor
-from oed.kernel.measurement.moment import Moment
 from oed.kernel.measurement.readings import moment_reading, reading_by_signal
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.models.model import Model
 from oed.robots.sensors.mounting import CameraArm
 from oed.robots.sensors.placed import PlacedSensor

@@ -14,9 +14,9 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, stepper
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.process_noise import ProcessNoise, erring, spread
 from oed.kernel.measurement.readings import moment_reading, reading_by_signal
+from oed.kernel.measurement.sensor import Sensor
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ import numpy as np
 import scipy
 
 from oed.foundation.arrays import Array, Bools
-from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.measurement import Measurement, sensors_of
 from oed.kernel.measurement.readings import sensor_labels
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.logged import Noise as Noise
 from oed.robots.sensors.relative_poses import logged_sensors
@@ -69,7 +70,7 @@ def specified_noise(
             if group not in found or found[group].at_rest < noise.at_rest:
                 found[group] = noise
     found = {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}
-    sensors = measurement.joint_sensors
+    sensors = sensors_of(measurement)
     return found | sensor_noise(tuple(zip(sensor_labels(sensors), sensors, strict=True)))
 
 

@@ -20,7 +20,7 @@ from importlib.util import spec_from_file_location
 from io import StringIO
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any
+from typing import Any, get_args
 
 from oed.foundation.files import read_bytes
 
@@ -53,7 +53,8 @@ def class_at(place: str, folder: str | None, family: type, noun: str) -> type:
     if found is None:
         raise ValueError(f"{module_name} has no {name}")
     if not isinstance(found, type) or not issubclass(found, family):
-        raise ValueError(f"{place} is no {noun}: expected a class that inherits from oed.{family.__name__}")
+        families = " or ".join(f"oed.{kind.__name__}" for kind in get_args(family) or (family,))
+        raise ValueError(f"{place} is no {noun}: expected a class that inherits from {families}")
     return found
 
 

@@ -20,9 +20,9 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System, step_symbols, stepper
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
 from oed.kernel.measurement.readings import by_run, reader
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.measurement.update import Update
 
 
@@ -81,26 +81,29 @@ class Filter:
     def _linearised(self) -> ca.Function:
         # (states, inputs, parameters, period, nuisances) -> all of `Linear`, readings and their whitening.
         state, inputs, parameters, duration = self._moment
-        errors, own_state = ca.SX.sym("errors", self.noise.size), state[: self._own]
+        errors, own_state = ca.SX.sym("errors", self.noise.size), state[: self._own, :]
         period = Period(self.system, own_state, inputs, parameters, duration)
         following = self.noise.step(period, errors)
         readings, whitenings, first = [], [], 0
         for sensor in self.sensors:
             read = reader(sensor, self.system, self.noise.signal)
-            constants = self._constants[first : first + len(sensor.nuisances)]
+            constants = self._constants[first : first + len(sensor.nuisances), :]
             first += len(sensor.nuisances)
             states, held, lasting, error = own_state, inputs, ca.SX(0), ca.SX.zeros(read.size1_in(5))
             if sensor.when == "between samples":
                 begin = self._own * (self.memories.index(sensor.every) + 1 if sensor.every > 1 else 0)
-                states, held = ca.vertcat(following, state[begin : begin + self._own]), ca.repmat(inputs, 2)
+                states, held = (
+                    ca.vertcat(following, state[begin : begin + self._own, :]),
+                    ca.repmat(inputs, 2),
+                )
                 lasting = sensor.every * duration
             elif sensor.when == "in periods":
-                lasting, error = duration, errors[: error.numel()] / duration
+                lasting, error = duration, errors[: error.shape[0], :] / duration
             reading, whitening = read(states, held, parameters, constants, lasting, error)
             readings.append(reading)
             whitenings.append(whitening)
         reading, whitening = ca.vertcat(*readings), ca.diagcat(*whitenings)
-        after = ca.vertcat(following, state[self._own :])
+        after = ca.vertcat(following, state[self._own :, :])
         results = []
         for slopes in (whitening @ self._slopes(reading, errors), self._slopes(after, errors)):
             by_parameters, through, by_constants = ca.horzsplit(
@@ -147,7 +150,7 @@ class Filter:
         *matrices, reading, whitening = self._linear(*self._moment, self._constants)
         linear = Linear(*matrices)
         state, *held = self._moment
-        gap = stepper(self.system)(state[: self._own], *held) - following
+        gap = stepper(self.system)(state[: self._own, :], *held) - following
         gap = ca.vertcat(gap, ca.SX(self.states - self._own, 1))
         # Columns of the identity show what becomes of any.
         misfit, none = -whitening @ self._residual(measured, reading), ca.SX(self.states, self.states)
@@ -213,7 +216,7 @@ class Filter:
 
     def _turning(self, reads: Expression) -> Expression:
         # From all states to those with the memories that begin.
-        begins = reads[len(self.sensors) :]
+        begins = reads[len(self.sensors) :, :]
         replaced = ca.vertcat(ca.SX.eye(1), begins)
         lasting = ca.diag(ca.vertcat(0, 1 - begins))
         first = ca.horzcat(replaced, ca.SX(replaced.shape[0], begins.shape[0]))

@@ -15,8 +15,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Sensor
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment, Sensor
 
 
 @lru_cache(maxsize=64)

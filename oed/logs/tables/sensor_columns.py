@@ -14,7 +14,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, LogError
 from oed.foundation.files import no_such_file
 from oed.foundation.text import count, listing
-from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.sensor import Sensor
 from oed.logs.points import ROWS, gathered, quantities_of, units_of
 from oed.logs.sensors import AS_LIST, Sensed, SensorSource, checked
 from oed.logs.series import NotInLog, Series, shortened, together

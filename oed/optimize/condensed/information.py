@@ -11,7 +11,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.joint import start_nuisances
+from oed.kernel.measurement.measurement import start_nuisances
 from oed.kernel.measurement.readings import labelled_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.condensed.differentiated import Differentiated
@@ -41,7 +41,7 @@ class Information:
             added: number of entries that a sample adds.
         """
         self._problem, self._added = problem, added
-        self._sensors, self._cuts = problem.measurement.joint_sensors, cuts_of(problem)
+        self._sensors, self._cuts = problem.sensors, cuts_of(problem)
         squared = self._cuts.segment > 1
         self.groups = problem.design.samples // self._cuts.segment if squared else 1
         self._square = self._squares() if squared else None

@@ -12,7 +12,6 @@ from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.system import follows_state
 from oed.kernel.measurement.filter import reads_of
-from oed.kernel.measurement.joint import cuts_of
 from oed.kernel.problem import Problem
 from oed.optimize.condensed.calls import ArrayFunction
 from oed.optimize.condensed.differentiated import Differentiated
@@ -41,7 +40,7 @@ def condensable(problem: Problem) -> bool:
     That is not so for robust limits and other systems, for noise that readings share over time, and for
     segments of unequal length.
     """
-    cuts = cuts_of(problem.measurement, problem.design.samples)
+    cuts = problem.measurement.cuts(problem.design.samples)
     return problem.robust is None and cuts is not None
 
 
@@ -51,7 +50,7 @@ class Condensed(Terms):
     def __init__(self, problem: Problem, refine: int = 1) -> None:
         """Write a sample and what surrounds it; functions are made when first used."""
         super().__init__(problem, refine)
-        space, sensors = problem.design, problem.measurement.joint_sensors
+        space, sensors = problem.design, problem.sensors
         needs = needs_of(problem, self.bounding)
         self._cell = SampleCell(problem, self.input_scale.tolist())
         unknowns = RunUnknowns.of(self.embedding, self.size)

@@ -15,9 +15,9 @@ import numpy as np
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.measurement.filter import Filter, filter_of, memories_of, reads_of
-from oed.kernel.measurement.joint import cuts_of as measurement_cuts
-from oed.kernel.measurement.measurement import Cuts, process_noise_of
+from oed.kernel.measurement.measurement import Cuts
 from oed.kernel.measurement.readings import joint_readings
+from oed.kernel.measurement.sensor import process_noise_of
 from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
 from oed.optimize.terms.blocks import Packed
@@ -46,7 +46,7 @@ class SampleCell:
         """Write the sample."""
         robot, self.states = problem.system, len(problem.system.states)
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
-        sensors = problem.measurement.joint_sensors
+        sensors = problem.sensors
         self._reads = ca.SX.sym("reads", len(sensors) + len(memories_of(sensors)))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state)
         following, added = self._carried_on(problem, drive)
@@ -61,7 +61,7 @@ class SampleCell:
         # What sensitivities become, and the information added; of a filter by its update's symbols, unless it
         # takes in many readings: what they gather is of one size, however many they are.
         self._update: Update | None = None
-        if process_noise_of(problem.measurement.joint_sensors) is None or _many(_filtering(problem)):
+        if problem.process_noise is None or _many(_filtering(problem)):
             self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
             return self.carry.following, self.carry.added
         step = _FilterStep(problem, drive, self._reads)
@@ -232,7 +232,7 @@ def carry_of(problem: Problem, gathered: Expression | None = None, **options: An
         gathered: expression of what the part gathers, if it says how.
         options: `remembered` and `step` of `Carry`.
     """
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     return Carry(
         ca.SX(0, 1) if gathered is None else gathered,
         states=len(problem.system.states),
@@ -258,7 +258,7 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
         held: inputs until then, (inputs,).
         state: state at that instant, (states,).
     """
-    sensors = problem.measurement.joint_sensors
+    sensors = problem.sensors
     reads: list[float] = reads_of(sensors, problem.design.samples)[: len(sensors), -1].tolist()
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
@@ -274,7 +274,7 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
 
 def cuts_of(problem: Problem) -> Cuts:
     """Return the rule by which the information of a problem's drives adds up, if it does."""
-    cuts = measurement_cuts(problem.measurement, problem.design.samples)
+    cuts = problem.measurement.cuts(problem.design.samples)
     assert cuts is not None
     return cuts
 
@@ -288,7 +288,7 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
         if cuts.segment > 1:
             return ca.vertcat(*(ca.vec(ca.densify(block.design_matrix)) for block in blocks))
         return ca.vertcat(*(upper_half(block.design_matrix.T @ block.design_matrix) for block in blocks))
-    if process_noise_of(problem.measurement.joint_sensors) is not None:
+    if problem.process_noise is not None:
         used = _filtering(problem)
         columns = _columns(problem, used)
         slopes, covariance, rows = used.period(*_known_begin(used), *_sample_arguments(drive), reads)
@@ -309,7 +309,7 @@ def _filtering(problem: Problem) -> Filter:
     # Of sensors that read whenever they are asked to; those between samples read of as many as they do.
     sensors = [
         sensor if sensor.when == "between samples" else sensor.model_copy(update={"every": 1})
-        for sensor in problem.measurement.joint_sensors
+        for sensor in problem.sensors
     ]
     noise = process_noise_of(sensors)
     assert noise is not None
@@ -333,7 +333,7 @@ def _columns(problem: Problem, used: Filter) -> list[int]:
 
 def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     # Information of what those sensors read at the first instant of a drive of one sample.
-    sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
+    sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.sensors]
     readings, jacobian = joint_readings(sensors, drive)
     chosen = [*estimated(problem), *range(len(problem.system.parameters), jacobian.shape[1])]
     total, first = ca.SX(len(chosen), len(chosen)), 0

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
+from oed.kernel.measurement.measurement import sensors_of
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.reading import NOWHERE, called, heading, segments, with_drive
@@ -102,7 +103,7 @@ def _box(outline: Outline) -> Box:
 def room_of(record: Record) -> Room:
     """The room of a record's study."""
     limits: Any = record.robot_study.limits
-    beacons = points_seen(record.study.measurement.joint_sensors)
+    beacons = points_seen(sensors_of(record.study.measurement))
     obstacles = () if limits.obstacles is None else limits.obstacles.shapes
     return Room(limits.workspace, obstacles, beacons, record.robot_study.robot.body_radius)
 

@@ -8,7 +8,7 @@ import re
 from oed.foundation.component import Component
 from oed.foundation.own.part import OwnPart
 from oed.foundation.text import count, deviation_text, given_text, listing, quantity, words
-from oed.kernel.measurement.joint import FRAME
+from oed.kernel.measurement.measurement import FRAME
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL

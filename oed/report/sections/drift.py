@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from oed.foundation.text import error_text, fixed, significant, words
-from oed.kernel.measurement.measurement import process_noise_of
+from oed.kernel.measurement.measurement import sensors_of
+from oed.kernel.measurement.sensor import process_noise_of
 from oed.records.record import Record
 from oed.records.stored.parts import Column as Numbers
 from oed.records.stored.result import Result
@@ -23,7 +24,7 @@ def drift(record: Record) -> Section | None:
     """Standard errors with drift and without, drive by drive, and what a search costs that leaves it out;
     None where nothing drifts.
     """
-    noise = process_noise_of(record.study.measurement.joint_sensors)
+    noise = process_noise_of(sensors_of(record.study.measurement))
     results = [one for one in with_drive(record) if _ratios(one)]
     winner = record.best
     if noise is None or winner is None or not _ratios(winner):

@@ -8,6 +8,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.text import significant, unit_text, words
+from oed.kernel.measurement.measurement import sensors_of
 from oed.kernel.measurement.readings import sensor_labels
 from oed.records.record import Record
 from oed.records.stored.selection import StoredReading, StoredSelection
@@ -111,7 +112,7 @@ def _levels(found: StoredSelection) -> dict[int, float]:
 
 def _called(record: Record, sensor: str) -> str:
     # A sensor that reads one output is called by that.
-    sensors = record.study.measurement.joint_sensors
+    sensors = sensors_of(record.study.measurement)
     for one, label in zip(sensors, sensor_labels(sensors), strict=True):
         if label == sensor and len(one.entries) == 1 and one.entries[0].strip("."):
             return one.entries[0].strip(".")

@@ -115,10 +115,9 @@ def _noise_issues(problem: Problem, room: float) -> Iterator[Issue]:
 
 
 def _sensors(problem: Problem) -> list[tuple[Key, Any]]:
-    several = getattr(problem.measurement, "sensors", None)
-    if several is None:
+    if not problem.sensors:
         return [(("measurement",), problem.measurement)]
-    return [(("measurement", place), one) for place, one in enumerate(several)]
+    return [(("measurement", place), sensor) for place, sensor in enumerate(problem.sensors)]
 
 
 def _sensor_issues(problem: Problem, room: float) -> Iterator[Issue]:

@@ -4,8 +4,8 @@ from oed.kernel.measurement.blocks import Block as Block
 from oed.kernel.measurement.blocks import Nuisance as Nuisance
 from oed.kernel.measurement.blocks import regression as regression
 from oed.kernel.measurement.measurement import Measurement as Measurement
-from oed.kernel.measurement.measurement import Sensor as Sensor
-from oed.kernel.measurement.moment import Moment as Moment
+from oed.kernel.measurement.sensor import Moment as Moment
+from oed.kernel.measurement.sensor import Sensor as Sensor
 from oed.robots.own_parts import PythonSensor as PythonSensor
 from oed.robots.sensors.biased import TrailerAngle as TrailerAngle
 from oed.robots.sensors.biased import YawRate as YawRate
@@ -27,4 +27,4 @@ from oed.robots.sensors.relative_poses import RelativePoses as RelativePoses
 from oed.robots.sensors.several import SENSORS as SENSORS
 from oed.robots.sensors.several import Several as Several
 
-MEASUREMENTS: tuple[type[Measurement], ...] = (Displacements, *SENSORS, PythonSensor, Several)
+MEASUREMENTS: tuple[type[Measurement | Sensor], ...] = (Displacements, *SENSORS, PythonSensor, Several)

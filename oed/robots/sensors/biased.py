@@ -14,8 +14,7 @@ from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Sensor, Start
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment, Sensor, Start
 from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.prior import InitialPose, known_to, start_of
 

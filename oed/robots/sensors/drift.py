@@ -17,8 +17,8 @@ from oed.foundation.shown import written
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.models.arcs import after_arc
 from oed.robots.models.model import Model, robot_of
 

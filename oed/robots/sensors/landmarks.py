@@ -16,7 +16,7 @@ from oed.foundation.text import count, given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.mapped import NEAREST, LengthMap, MappedSensor, distance
 from oed.robots.sensors.mounting import CameraArm
 from oed.robots.sensors.prior import PosePrior

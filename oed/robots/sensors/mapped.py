@@ -17,8 +17,7 @@ from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Sensor
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.sensors.placed import PlacedSensor
 from oed.robots.sensors.prior import PosePrior, known_to
 

@@ -14,7 +14,7 @@ from oed.foundation.quantities import Angle, Length
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.prior import PosePrior
 
 PLACE: Mapping[str, str] = {"sensor_x": "m", "sensor_y": "m", "sensor_heading": "rad"}

@@ -10,8 +10,7 @@ from pydantic import Field
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Start
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment, Start
 from oed.robots.models.arcs import chord
 from oed.robots.sensors.drift import DriftingSensor
 from oed.robots.sensors.mounting import LeverArm, Pose, place_text

@@ -12,7 +12,7 @@ from oed.foundation.errors import Issue
 from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.mounting import LeverArm
 from oed.robots.sensors.placed import PlacedSensor

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from oed.foundation.component import Component
 from oed.foundation.quantities import Angle, Length
-from oed.kernel.measurement.measurement import Start
+from oed.kernel.measurement.sensor import Start
 
 
 class PosePrior(Component):

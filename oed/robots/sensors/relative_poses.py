@@ -12,8 +12,8 @@ from oed.foundation.text import count, given_text
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Measurement, When
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.measurement import Measurement, sensors_of
+from oed.kernel.measurement.sensor import Moment, When
 from oed.robots.sensors.drift import DriftingSensor
 from oed.robots.sensors.logged import LoggedSensor, Noise
 from oed.robots.sensors.mounting import Mounting, Pose, place_text
@@ -126,6 +126,6 @@ def logged_sensors(measurement: Measurement, relative: bool) -> list[LoggedSenso
     """The sensors of a measurement that read what logs hold: their own motion if `relative`, else states."""
     return [
         sensor
-        for sensor in measurement.joint_sensors
+        for sensor in sensors_of(measurement)
         if isinstance(sensor, LoggedSensor) and isinstance(sensor, RelativePoses) == relative
     ]

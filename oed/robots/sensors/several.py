@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from oed.foundation.component import OneOf
-from oed.kernel.measurement.measurement import Sensor, Together, joins
+from oed.kernel.measurement.measurement import Sensors
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.own_parts import PythonSensor
 from oed.robots.sensors.biased import TrailerAngle, YawRate
 from oed.robots.sensors.landmarks import Landmarks, Tags
@@ -27,8 +28,7 @@ SENSORS: tuple[type[Sensor], ...] = (
 """Every sensor of this package."""
 
 
-@joins(Sensor)
-class Several(Together):
+class Several(Sensors):
     """Sensors used together; in a study, a list of them."""
 
     kind: Literal["several"] = "several"

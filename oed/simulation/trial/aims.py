@@ -12,6 +12,7 @@ from oed.estimation.methods.fitting import Fitting
 from oed.estimation.preprocessing.preprocess import preprocess
 from oed.kernel.criteria import I, TaskDrive
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.measurement import measurement_of
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Poses
 from oed.robots.sensors.pose_noise import Discrepancy
@@ -46,7 +47,7 @@ def sensing_of(problem: Problem) -> Sensing:
     Args:
         problem: the study's.
     """
-    sensor = problem.measurement
+    (sensor,) = problem.sensors
     assert isinstance(sensor, Poses)
     # What the model cannot say the simulated robot does by itself.
     return Sensing(pose_rate=1 / (problem.design.period * sensor.every), noise=sensor.noise.of_sensor)
@@ -83,10 +84,10 @@ def task_of(drives: Sequence[Trajectory]) -> I:
 
 def with_discrepancy(problem: Problem, found: Discrepancy) -> Problem:
     """A problem whose noise of poses has a discrepancy, too."""
-    sensor = problem.measurement
+    (sensor,) = problem.sensors
     assert isinstance(sensor, Poses)
     noise = sensor.noise.model_copy(update={"discrepancy": found})
-    return replace(problem, measurement=sensor.model_copy(update={"noise": noise}))
+    return replace(problem, measurement=measurement_of(sensor.model_copy(update={"noise": noise})))
 
 
 def pilot_discrepancy(problem: Problem, trial: Trial, fitting: Fitting, pilot: str, seed: int) -> Discrepancy:

@@ -64,7 +64,8 @@ def trial_issues(problem: Problem, trial: Trial | None) -> list[Issue]:
 
 
 def _misfits(problem: Problem) -> Iterator[str]:
-    inputs, sensor = problem.model.input_names, problem.measurement
+    inputs, sensors = problem.model.input_names, problem.sensors
+    sensor = sensors[0] if len(sensors) == 1 else None
     if inputs != INPUTS:
         yield f"simulated robots are driven by {', '.join(INPUTS)}, not by {', '.join(inputs)}"
     if not isinstance(sensor, Poses) or sensor.quantities != ("x", "y", "heading"):
@@ -110,7 +111,7 @@ def _method_issues(problem: Problem, trial: Trial) -> Iterator[Issue]:
 
 
 def _discrepancy_issues(problem: Problem, trial: Trial) -> Iterator[Issue]:
-    place, asked, sensor = ("physics", "discrepancy"), trial.discrepancy, problem.measurement
+    place, asked, (sensor,) = ("physics", "discrepancy"), trial.discrepancy, problem.sensors
     assert isinstance(sensor, Poses)
     if asked is None:
         return

@@ -11,8 +11,7 @@ import pytest
 from sensors import SAMPLES, SENSOR_EXAMPLES
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.measurement import Sensor
-from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.sensors import (
     SENSORS,
     Displacements,

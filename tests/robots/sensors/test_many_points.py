@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Landmarks, Ranges, Tags
 
