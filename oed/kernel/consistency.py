@@ -158,7 +158,7 @@ def _input_issues(problem: Statement) -> Iterator[Issue]:
         yield Issue(("trajectory", "signals"), text)
         return
     for place, (signal, bounds) in enumerate(zip(signals, problem.input_bounds, strict=True)):
-        if doubt := signal.doubts(space.duration, space.samples) or signal.misfit(*bounds):
+        if doubt := signal.doubts(space.duration, space.samples, *bounds):
             yield Issue(("trajectory", "signals", place), f"{names[place]}: {doubt}")
     if space.rest_to_rest:
         yield Issue(("trajectory", "rest_to_rest"), "each of `signals` says it for itself; leave it out")

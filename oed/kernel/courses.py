@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.presenting import Brief
-from oed.kernel.dynamics.simulate import simulate
+from oed.kernel.dynamics.simulate import Simulation, simulate
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.readings import moment_reading, sensor_labels
-from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
 
 
@@ -49,20 +47,23 @@ class Course(Brief):
 
 
 def state_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> list[list[Course]]:
-    """The states over time, run by run; the starts taken as known.
+    """Return the states over time, run by run; the starts taken as known.
 
     Args:
         problem: problem with the system.
         trajectory: design to follow.
         finer: places of every period.
     """
-    system, columns = problem.system, _estimated(problem)
-    courses = []
-    for run, (states, slopes) in enumerate(_simulated(system, trajectory, finer)):
-        times = np.linspace(0.0, trajectory.each[run].duration, len(states))
-        quantities = zip(system.states, system.state_units, states.T, slopes.transpose(1, 0, 2), strict=True)
+    system, columns, courses = problem.system, _estimated(problem), []
+    for run in trajectory.each:
+        simulation = _simulate_run(system, run, finer)
+        times = np.linspace(0.0, run.duration, len(simulation.states))
+        quantities = zip(system.states, system.state_units, simulation.states.T, strict=True)
         courses.append(
-            [Course(name, unit, times, value, slope[:, columns]) for name, unit, value, slope in quantities]
+            [
+                Course(name, unit, times, values, simulation.sensitivities[:, place, columns])
+                for place, (name, unit, values) in enumerate(quantities)
+            ]
         )
     return courses
 
@@ -78,14 +79,15 @@ def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) ->
         trajectory: design to follow.
         finer: places of every period of a system with states.
     """
-    system = problem.system
-    courses = []
+    system, courses = problem.system, []
     finer = finer if system.states else 1
-    for drive, (states, slopes) in zip(trajectory.each, _simulated(system, trajectory, finer), strict=True):
-        count = len(states) if system.states else len(states) - 1
-        held = np.vstack([np.repeat(drive.inputs, finer, axis=0), drive.inputs[-1:]])
-        times = np.linspace(0.0, drive.duration, len(states))
-        moments = states[:count], slopes[:count], held[:count]
+    for run in trajectory.each:
+        simulation = _simulate_run(system, run, finer)
+        times = np.linspace(0.0, run.duration, len(simulation.states))
+        held = np.vstack([np.repeat(run.inputs, finer, axis=0), run.inputs[-1:]])
+        # Settings are read one by one, and none at the end of the last.
+        count = len(times) if system.states else len(times) - 1
+        moments = simulation.states[:count], simulation.sensitivities[:count], held[:count]
         courses.append(list(_courses(problem, moments, times[:count], finer)))
     return courses
 
@@ -111,47 +113,35 @@ def _estimated(problem: Problem) -> list[int]:
     return [names.index(name) for name in estimation.parameters if name in names]
 
 
-def _simulated(system: System, trajectory: Trajectory, finer: int) -> Iterator[tuple[Array, Array]]:
-    """Simulate every run at `finer` places of every period: states (N + 1, states) and their derivatives by
-    the parameters (N + 1, states, p).
-    """
-    for run in trajectory.each:
-        inputs = np.repeat(run.inputs, finer, axis=0)
-        simulation = simulate(system, inputs, run.starts[0], run.period / finer)
-        yield simulation.states, simulation.sensitivities
+def _simulate_run(system: System, run: Trajectory, finer: int) -> Simulation:
+    # Simulated at `finer` places of every period.
+    return simulate(system, np.repeat(run.inputs, finer, axis=0), run.starts[0], run.period / finer)
 
 
 def _courses(problem: Problem, moments: Sequence[Array], places: Array, finer: int = 1) -> Iterator[Course]:
-    sensors = problem.sensors
-    for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
-        if sensor.when != "between samples":
-            yield from _courses_of(problem, sensor, label, moments, places, finer)
-
-
-def _courses_of(
-    problem: Problem, sensor: Sensor, label: str, moments: Sequence[Array], places: Array, finer: int
-) -> Iterator[Course]:
-    system, parameters = problem.system, _estimated(problem)
-    function, count = moment_reading(sensor, system), len(places)
+    # Of all sensors; moments are states, their derivatives by the parameters, and inputs held.
     states, slopes, held = moments
-    size = len(system.parameters)
-    carried = np.zeros((count, len(system.states), size + len(system.states)))
-    carried[:, :, :size] = slopes
-    nominal = [nuisance.nominal for nuisance in sensor.nuisances]
-    readings, by_all = function.map(count)(
-        states.T, np.hstack(list(carried)) if count else ca.DM(), held.T, system.nominal, nominal, 0.0
-    )[:2]
-    values, derivatives = np.array(readings), np.array(by_all).reshape(by_all.shape[0], count, -1)
-    deviations, units = sensor.deviations, sensor.units_of(system)
-    read = tuple(
-        finer * column for column in sensor.columns(problem.design.samples) if finer * column < count
-    )
-    for entry, value in enumerate(values):
-        name = _name(sensor, entry)
-        unit = units[entry] if units else ""
-        noise = deviations[entry] if deviations else None
-        yield Course(name, unit, places, value, derivatives[parameters, :, entry].T, noise, read, label)
-
-
-def _name(sensor: Sensor, entry: int) -> str:
-    return sensor.entries[entry].strip(".") or sensor.kind if sensor.entries else sensor.kind
+    system, columns, count = problem.system, _estimated(problem), len(places)
+    by_start = np.zeros((count, len(system.states), len(system.states)))
+    carried = np.hstack(list(np.concatenate([slopes, by_start], axis=2)))
+    for sensor, label in zip(problem.sensors, sensor_labels(problem.sensors), strict=True):
+        if sensor.when == "between samples":
+            continue
+        nominal = [nuisance.nominal for nuisance in sensor.nuisances]
+        readings, by_all, *_ = moment_reading(sensor, system).map(count)(
+            states.T, carried, held.T, system.nominal, nominal, 0.0
+        )
+        derivatives = np.array(by_all).reshape(by_all.shape[0], count, -1)
+        deviations, units = sensor.deviations, sensor.units_of(system)
+        read = finer * np.array(sensor.columns(problem.design.samples))
+        for entry, values in enumerate(np.array(readings)):
+            yield Course(
+                name=(sensor.entries[entry].strip(".") if sensor.entries else "") or sensor.kind,
+                unit=units[entry] if units else "",
+                places=places,
+                values=values,
+                slopes=derivatives[columns, :, entry].T,
+                deviation=deviations[entry] if deviations else None,
+                read=tuple(read[read < count].tolist()),
+                sensor=label,
+            )

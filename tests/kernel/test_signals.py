@@ -69,7 +69,7 @@ class TestEverySignal:
         np.testing.assert_allclose(matrix @ unknowns, at(signal, unknowns, times), atol=1e-12)
 
     def test_its_unknowns_are_told_apart(self, signal: Signal):
-        assert signal.doubts(DURATION, SAMPLES) == ""
+        assert signal.doubts(DURATION, SAMPLES, -1.0, 1.0) == ""
         assert np.linalg.matrix_rank(signal.matrix(DURATION, SAMPLES)) == signal.unknowns
 
     def test_what_is_drawn_stays_in_its_range(self, signal: Signal):

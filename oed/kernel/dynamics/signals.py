@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics import spline
@@ -56,14 +56,17 @@ class Signal(Component, ABC):
         """
         return unknowns
 
-    def doubts(self, duration: float, samples: int) -> str:
-        """Why it does not fit a run of this duration [s] and so many samples; "" where it does."""
+    def doubts(self, duration: float, samples: int, low: float, high: float) -> str:
+        """Return why the signal fits no such run; "" where it does.
+
+        Args:
+            duration: duration of a run [s].
+            samples: number of periods of a run.
+            low: least value of the input.
+            high: largest value of the input.
+        """
         if self.unknowns > samples:
             return f"{self.unknowns} unknowns need as many samples in a run, got {samples}"
-        return ""
-
-    def misfit(self, low: float, high: float) -> str:
-        """Why it cannot stay in [low, high]; "" where it can."""
         return ""
 
 
@@ -95,9 +98,7 @@ class PiecewiseConstant(Signal):
 
     def matrix(self, duration: float, samples: int) -> Array:
         """A one in each row."""
-        table = np.zeros((samples, self.pieces))
-        table[np.arange(samples), _piece_of(samples, self.pieces)] = 1.0
-        return table
+        return _spline_values(0, self.pieces, samples)
 
 
 class PiecewiseLinear(Signal):
@@ -113,11 +114,7 @@ class PiecewiseLinear(Signal):
 
     def matrix(self, duration: float, samples: int) -> Array:
         """Shares of the values at both ends of the piece of a period's middle."""
-        row, piece = np.arange(samples), _piece_of(samples, self.pieces)
-        share = (row + 0.5) * self.pieces / samples - piece
-        table = np.zeros((samples, self.pieces + 1))
-        table[row, piece], table[row, piece + 1] = 1 - share, share
-        return table
+        return _spline_values(1, self.pieces + 1, samples)
 
 
 class SplineSignal(Signal):
@@ -136,12 +133,12 @@ class SplineSignal(Signal):
 
     @field_validator("coefficients", mode="before")
     @classmethod
-    def _a_number(cls, given: Any) -> Any:
-        if given == "auto":
+    def _a_number(cls, count: Any) -> Any:
+        if count == "auto":
             raise ValueError(
                 "expected a whole number, got 'auto', which the spline of a robot's drive may have"
             )
-        return given
+        return count
 
     @property
     def unknowns(self) -> int:
@@ -150,9 +147,8 @@ class SplineSignal(Signal):
 
     def matrix(self, duration: float, samples: int) -> Array:
         """The basis functions [de Boor, A Practical Guide to Splines, ch. IX]."""
-        knots = spline.clamped_knots(duration, self.coefficients, self.degree)
-        free = np.eye(self.coefficients)[:, slice(1, -1) if self.rest_to_rest else slice(None)]
-        return spline.values(knots, self.degree, free, middles(duration, samples))
+        table = _spline_values(self.degree, self.coefficients, samples)
+        return table[:, 1:-1] if self.rest_to_rest else table
 
     @property
     def shortage(self) -> str:
@@ -166,14 +162,11 @@ class SplineSignal(Signal):
             f"got {self.coefficients}"
         )
 
-    def doubts(self, duration: float, samples: int) -> str:
+    def doubts(self, duration: float, samples: int, low: float, high: float) -> str:
         """Too few coefficients, or more than samples."""
-        return self.shortage or super().doubts(duration, samples)
-
-    def misfit(self, low: float, high: float) -> str:
-        """A range without the rest that is asked for."""
-        if not self.rest_to_rest or low <= 0 <= high:
-            return ""
+        doubt = self.shortage or super().doubts(duration, samples, low, high)
+        if doubt or not self.rest_to_rest or low <= 0 <= high:
+            return doubt
         return f"[{low:g}, {high:g}] (SI) excludes 0, which rest_to_rest needs"
 
 
@@ -219,7 +212,7 @@ class Fourier(Signal):
         share = np.minimum(1.0, room / np.where(most > 0, most, 1.0))
         return np.concatenate([mean, share * waves], axis=-1)
 
-    def doubts(self, duration: float, samples: int) -> str:
+    def doubts(self, duration: float, samples: int, low: float, high: float) -> str:
         """Waves too short for the samples."""
         waves = self.harmonics * duration / (self.period or duration)
         if 2 * waves >= samples:
@@ -227,13 +220,16 @@ class Fourier(Signal):
                 f"{waves:g} waves of the last harmonic in a run need more than {2 * waves:g} samples, "
                 f"got {samples}: take fewer harmonics, a longer period or more samples"
             )
-        return super().doubts(duration, samples)
+        return super().doubts(duration, samples, low, high)
 
 
 SIGNALS: tuple[type[Signal], ...] = (Constant, PiecewiseConstant, PiecewiseLinear, SplineSignal, Fourier)
 """Every signal of this package."""
 
 
-def _piece_of(samples: int, pieces: int) -> Places:
-    # The piece that the middle of each period is in; in whole numbers, lest rounding decide.
-    return np.asarray((2 * np.arange(samples, dtype=np.int64) + 1) * pieces // (2 * samples))
+def _spline_values(degree: int, count: int, samples: int) -> Array:
+    # Matrix from coefficients of a clamped uniform spline to its values in the middles of the periods. Pieces
+    # of length 1 have knots in whole numbers, so that rounding moves no middle across a knot.
+    pieces = count - degree
+    knots = spline.clamped_knots(pieces, count, degree)
+    return spline.values(knots, degree, np.eye(count), (np.arange(samples) + 0.5) * pieces / samples)
