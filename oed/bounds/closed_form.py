@@ -22,8 +22,8 @@ from oed.bounds.reach import (
     workspace_bounds,
 )
 from oed.foundation.arrays import Array, Places
+from oed.kernel.measurement.information import Estimation
 from oed.kernel.problem import Problem
-from oed.kernel.statement import Estimation, prior_of
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
 
@@ -64,15 +64,12 @@ def _columns(estimation: Estimation) -> list[int]:
     return [estimation.block.parameters.index(name) for name in estimation.judged]
 
 
-def prior_matrix(problem: Problem, estimation: Estimation) -> Array:
+def prior_matrix(estimation: Estimation) -> Array:
     """Return the scaled prior information on the judged parameters, (p, p), with all others as known."""
     size = len(estimation.judged)
-    information = (
-        None if problem.prior is None else prior_of(problem.prior, estimation.block, estimation.parameters)
-    )
-    if information is None:
+    if estimation.prior is None:
         return np.zeros((size, size))
-    return np.asarray(information[:size, :size] * np.outer(estimation.scales, estimation.scales))
+    return np.asarray(estimation.prior[:size, :size] * np.outer(estimation.scales, estimation.scales))
 
 
 def _trace_bounds(problem: Problem, measurement: Displacements, estimation: Estimation) -> Iterator[Bound]:
@@ -87,7 +84,7 @@ def _trace_bounds(problem: Problem, measurement: Displacements, estimation: Esti
     lengths = np.linalg.norm(reach, axis=1)
     edges = measurement.segment_edges(problem.design.samples)
     sums = np.add.reduceat(lengths, edges[:-1])
-    value = (float((sums**2).sum()) + float(np.trace(prior_matrix(problem, estimation)))) / len(columns)
+    value = (float((sums**2).sum()) + float(np.trace(prior_matrix(estimation)))) / len(columns)
     yield Bound(
         value,
         "largest wheel speeds in every period, the same information in all directions",
@@ -101,7 +98,7 @@ def _turning_bounds(problem: Problem, measurement: Displacements, estimation: Es
     # The heading turns by c11 and c12 times the angles a of two inputs, and the smallest eigenvalue is at
     # most half the trace less |F12|. So segments with a positive and with a negative product of both angles
     # have to be about equally many, and an input changes its sign between two of them.
-    columns, prior = _columns(estimation), prior_matrix(problem, estimation)
+    columns, prior = _columns(estimation), prior_matrix(estimation)
     if estimation.block.name != "heading" or len(columns) != 2 or not has_exact_inputs(problem):
         return
     if len(problem.model.inputs) != 2:
@@ -216,5 +213,5 @@ def direction_bound(
     """
     scaled = change / estimation.scales
     unit = scaled / np.linalg.norm(scaled)
-    bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, estimation) @ unit)
+    bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(estimation) @ unit)
     return Bound(bound, method, assumptions, np.outer(unit, unit), estimation.block.name)

@@ -17,8 +17,8 @@ from oed.bounds.reach import coefficient_rows, scales_lengths, top_speeds, works
 from oed.bounds.sensitivity import SensorPrecision, precisions_of, unknown_start
 from oed.bounds.spread import is_too_fine, largest_spread
 from oed.foundation.arrays import Array
+from oed.kernel.measurement.information import Estimation
 from oed.kernel.problem import Problem
-from oed.kernel.statement import Estimation
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
 from oed.robots.sensors.poses import Poses

@@ -21,10 +21,10 @@ from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, prior_matrix
 from oed.bounds.reach import input_reach, largest_input_gain, top_speeds, workspace_bounds
 from oed.foundation.arrays import Array, Places
+from oed.kernel.measurement.information import Estimation
 from oed.kernel.measurement.readings import moment_reading
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Problem
-from oed.kernel.statement import Estimation
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
 from oed.robots.sensors.mapped import Ranges
@@ -171,7 +171,7 @@ def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
         return
     assumptions = (SPEEDS, *(("every position within the room",) if np.isfinite(motion.across) else ()))
     reference = problem.design.samples // 2 if unknown_start(sensors) else 0
-    prior, count = prior_matrix(problem, estimation), len(estimation.judged)
+    prior, count = prior_matrix(estimation), len(estimation.judged)
 
     def bound(factor: Array) -> Bound:
         multiplier = factor.T @ factor

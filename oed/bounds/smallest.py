@@ -253,7 +253,7 @@ def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array] | None:
     limits = SpeedLimits(space.samples, problem.input_bounds, space.period * rate, ends)
     weights = space.period * estimation.scales / noise_of(problem, estimation)
     is_coarse = LatticeProgram(limits, weights).steps <= MOST_STEPS
-    return (limits, weights, prior_matrix(problem, estimation)) if is_coarse else None
+    return (limits, weights, prior_matrix(estimation)) if is_coarse else None
 
 
 def _lattice_bound(problem: Problem, value: float, lattice: LatticeBound) -> Bound:

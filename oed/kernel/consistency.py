@@ -278,9 +278,8 @@ def _subset_issues(problem: Statement) -> Iterator[Issue]:
 
 
 def _scale_issues(problem: Statement) -> Iterator[Issue]:
-    pairs = [(block, names) for block in problem.any_blocks if (names := problem.judged(block))]
-    blocks, judged = [block for block, _ in pairs], [names for _, names in pairs]
-    yield from scaling_issues(blocks, problem.criterion.scaling, judged)
+    judged = [(block, names) for block in problem.any_blocks if (names := problem.judged(block))]
+    yield from scaling_issues(judged, problem.criterion.scaling)
     yield from _prior_issues(problem)
 
 

@@ -16,10 +16,10 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, NotFinite, ProblemError, TooLarge
 from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.information import Estimation
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import full_information
-from oed.kernel.statement import Estimation
 
 DRIVES = 6
 """Random drives whose information is added up at most, and then those nearer to the ends of inputs' ranges:

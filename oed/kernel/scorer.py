@@ -20,13 +20,13 @@ from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.finiteness import require_driven, require_measured
 from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.information import Estimation
 from oed.kernel.measurement.readings import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import carried_out, repetitions
 from oed.kernel.results import Evaluation, Margin
-from oed.kernel.statement import Estimation
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """Extremes of a drive's splines, as `roll_out` takes them."""
@@ -179,7 +179,10 @@ class _Scorer:
     def _of_measuring(self) -> GroupedFunction:
         groups = [
             # Those of sensors are the jacobian's first columns.
-            [part.block.design_matrix if part.block.raw else ca.DM(0, 0) for part in self.estimations],
+            [
+                ca.DM(0, 0) if part.block.design_matrix is None else part.block.design_matrix
+                for part in self.estimations
+            ],
             [part.block.response for part in self.estimations],
             [part.block.jacobian for part in self.estimations],
             [part.block.magnitudes for part in self.estimations],

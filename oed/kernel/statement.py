@@ -14,86 +14,20 @@ from oed.foundation.arguments import real_array
 from oed.foundation.arrays import Array
 from oed.foundation.presenting import Presented
 from oed.kernel.criteria import Criterion, Subject
-from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.starts import StartStates
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, Rows, checked_rows, implied_bounds
 from oed.kernel.measurement.blocks import Block, Nuisance
-from oed.kernel.measurement.information import (
-    Scaling,
-    information,
-    scale_factors,
-    square_root,
-    weights_of,
-)
+from oed.kernel.measurement.information import Estimation
 from oed.kernel.measurement.measurement import Measurement, sensors_of
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.process_noise import ProcessNoise
 from oed.kernel.measurement.readings import constants_of
 from oed.kernel.measurement.sensor import Sensor, process_noise_of
-from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.selection import Selection
 from oed.kernel.tightening import ParameterUncertainty, Tightening, UncertainSystem, tightened_rows
-
-
-@dataclass(frozen=True)
-class Estimation:
-    """Information in one block of a drive's readings, as expressions.
-
-    Attributes:
-        block: the readings.
-        parameters: estimated parameters, those of the criterion's interest first.
-        judged: the latter alone.
-        scaling: scaling of the criterion.
-        prior: information on all estimated parameters had beforehand, SI, or None.
-    """
-
-    block: Block
-    parameters: tuple[str, ...]
-    judged: tuple[str, ...]
-    scaling: Scaling
-    prior: Array | None
-
-    @property
-    def scales(self) -> Array:
-        """Scale factors of the judged parameters, SI."""
-        return scale_factors(self.block, self.scaling, self.judged)
-
-    @cached_property
-    def matrix(self) -> Expression:
-        """Information on the judged parameters, scaled, all else eliminated: what the criterion sees."""
-        return information(
-            self.block,
-            self.scaling,
-            parameters=self.judged,
-            unwanted=self.parameters[len(self.judged) :],
-            prior=self.prior,
-        )
-
-    def square_roots(self, jacobian: Array, summed: Array) -> tuple[SquareRoot, SquareRoot]:
-        """Information of a drive with these values of the block's jacobian and its magnitudes: what `matrix`
-        is of it, and F on all estimated parameters, SI (per unit of noise where that is not known).
-        """
-        block, judged, nuisances = self.block, self.judged, self.parameters[len(self.judged) :]
-        full = square_root(block, jacobian, self.parameters, prior=self.prior, summed=summed)
-        root = square_root(block, jacobian, judged, nuisances, self.prior, summed) if nuisances else full
-        return root.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
-
-    @property
-    def _places(self) -> list[int]:
-        return [self.block.parameters.index(name) for name in self.parameters]
-
-    @property
-    def nominal(self) -> Array:
-        """Nominal values of the estimated parameters, SI."""
-        return self.block.nominal[self._places]
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """SI units of the estimated parameters."""
-        return tuple(self.block.units[place] for place in self._places)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -292,8 +226,9 @@ class Statement(Presented):
         return self._blocks(self._any_drive)
 
     def _blocks(self, drive: Drive) -> tuple[Block, ...]:
+        blocks = self.measurement.blocks(drive)
         labels = {name: constant.name for name, constant in self.constants.items()}
-        return tuple(block.asking(labels) for block in self.measurement.blocks(drive))
+        return tuple(block.asking(labels) for block in blocks) if labels else blocks
 
     @cached_property
     def _any_drive(self) -> Drive:
@@ -313,9 +248,11 @@ class Statement(Presented):
     def _estimation(self, block: Block) -> Estimation:
         judged, scaling = self.judged(block), self.criterion.scaling
         unjudged = tuple(name for name in self._estimated(block) if name not in judged)
-        names = judged + unjudged
-        prior = None if self.prior is None else prior_of(self.prior, block, names)
-        return Estimation(block, names, judged, scaling, prior)
+        estimation = Estimation(block, judged + unjudged, judged, scaling, None)
+        if self.prior is None or not set(self.prior.names) & set(estimation.parameters):
+            return estimation
+        known = self.prior.precision(estimation.parameters, estimation.nominal, estimation.units)
+        return replace(estimation, prior=known)
 
     @property
     def subject(self) -> Subject:
@@ -339,17 +276,3 @@ class Statement(Presented):
     def __getstate__(self) -> dict[str, Any]:
         """The parts only: caches are made again where they are needed."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}
-
-
-def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
-    """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none.
-
-    Args:
-        prior: prior knowledge of the parameters.
-        block: block of readings.
-        names: p of its parameters.
-    """
-    if not set(prior.names) & set(names):
-        return None
-    places = [block.parameters.index(name) for name in names]
-    return prior.precision(names, block.nominal[places], [block.units[place] for place in places])

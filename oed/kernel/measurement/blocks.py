@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -42,16 +42,13 @@ class Block(Brief):
         parameters: the parameters' names.
         nominal: nominal values of the parameters, (p,), SI.
         units: SI units of the parameters ("" for a ratio).
+        scales: sizes that relative precisions refer to, (p,), SI; 0 where there are none.
         response: noise-free readings y (rows,).
-        design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
         jacobian: derivatives by parameters and then nuisances, (rows, p + nuisances), in units of the noise
             where it is not `noise`; its square and the nuisances' prior are the information.
-        information: function of indices of unknowns that returns the information on these, all others known:
-            W' K^-1 W of their columns, with the noise's covariance noise^2 K.
         noise: standard deviation that the information is still to be divided by, None if unknown.
         nuisances: the nuisance parameters.
-        raw: True if `scaling: none` leaves the noise out, as the paper does.
-        sizes: sizes that relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        design_matrix: W = dy/dp (rows, p) of a regression; None for sensors.
         summed: sums of magnitudes of every parameter's column, (1, p), beside which the column may be
             rounding; 0 where none are stated.
         shared: B where the rows' noise is B'e, e white, and estimation is by ordinary least squares all the
@@ -62,48 +59,44 @@ class Block(Brief):
     parameters: tuple[str, ...]
     nominal: Array
     units: tuple[str, ...]
+    scales: Array
     response: Expression
-    design_matrix: Expression
     jacobian: Expression
-    information: Callable[[Sequence[int]], Expression]
     noise: float | None
     nuisances: tuple[Nuisance, ...] = ()
-    raw: bool = False
-    sizes: Array | None = None
+    design_matrix: Expression | None = None
     summed: Expression | None = None
     shared: ca.DM | None = None
+
+    @property
+    def raw(self) -> bool:
+        """True if `scaling: none` leaves the noise out, as the paper does of its regressions."""
+        return self.design_matrix is not None
 
     @property
     def magnitudes(self) -> Expression:
         """Sums of magnitudes, (1, p); see `summed`."""
         return ca.DM.zeros(1, len(self.parameters)) if self.summed is None else self.summed
 
-    def asking(self, names: Mapping[str, str]) -> Block:
-        """Return the block of a joint estimation with some nuisances among its parameters.
+    @property
+    def precisions(self) -> Array:
+        """Information that priors have on each unknown, (p + nuisances,), SI; 0 for the parameters."""
+        deviations = [nuisance.deviation or np.inf for nuisance in self.nuisances]
+        return np.array([0.0] * len(self.parameters) + [deviation**-2 for deviation in deviations])
 
-        Args:
-            names: names of the nuisances, by the names of the parameters that they become.
-        """
-        if not names:
-            return self
-        labels, count = [nuisance.name for nuisance in self.nuisances], len(self.parameters)
-        chosen = [labels.index(label) for label in names.values()]
-        rest = [place for place in range(len(labels)) if place not in chosen]
-        order = [*range(count), *(count + place for place in (*chosen, *rest))]
-        constants = [self.nuisances[place] for place in chosen]
-        nominal = np.array([nuisance.nominal for nuisance in constants])
-        jacobian = self.jacobian[:, order]
-        return replace(
-            self,
-            parameters=(*self.parameters, *names),
-            nominal=np.concatenate([self.nominal, nominal]),
-            units=(*self.units, *(nuisance.unit for nuisance in constants)),
-            design_matrix=jacobian[:, : count + len(constants)],
-            jacobian=jacobian,
-            information=lambda places: self.information([order[place] for place in places]),
-            nuisances=tuple(self.nuisances[place] for place in rest),
-            sizes=np.concatenate([self.scales, np.abs(nominal)]),
-        )
+    def places(self, names: Sequence[str]) -> list[int]:
+        """Return the columns of these parameters, then of all nuisances."""
+        first = len(self.parameters)
+        return [*map(self.parameters.index, names), *range(first, first + len(self.nuisances))]
+
+    def information(self, places: Sequence[int]) -> Expression:
+        """Return the information on the unknowns of some columns, all others known, times `noise`^2."""
+        columns = self.jacobian[:, list(places)]
+        square = columns.T @ columns
+        if self.shared is not None:
+            spread = self.shared @ columns
+            return harmonic(square, spread.T @ spread)
+        return square + ca.diag(ca.DM(self.precisions[list(places)])) if self.nuisances else square
 
     def rows(self, jacobian: Array) -> Array:
         """Return R (k, n) with R'R the information of some columns (rows, n) of the jacobian."""
@@ -115,10 +108,26 @@ class Block(Brief):
         spread = np.asarray(np.linalg.qr(np.array(self.shared @ orthonormal), mode="r"))
         return np.asarray(np.linalg.solve(spread.T, upper))
 
-    @property
-    def scales(self) -> Array:
-        """Sizes that relative precisions refer to, (p,), SI; 0 where there are none."""
-        return np.abs(self.nominal) if self.sizes is None else self.sizes
+    def asking(self, names: Mapping[str, str]) -> Block:
+        """Return the block of sensors with some nuisances among its parameters.
+
+        Args:
+            names: names of the nuisances, by the names of the parameters that they become.
+        """
+        labels, count = [nuisance.name for nuisance in self.nuisances], len(self.parameters)
+        chosen = [labels.index(label) for label in names.values()]
+        rest = [place for place in range(len(labels)) if place not in chosen]
+        constants = [self.nuisances[place] for place in chosen]
+        nominal = np.array([nuisance.nominal for nuisance in constants])
+        return replace(
+            self,
+            parameters=(*self.parameters, *names),
+            nominal=np.concatenate([self.nominal, nominal]),
+            units=(*self.units, *(nuisance.unit for nuisance in constants)),
+            scales=np.concatenate([self.scales, np.abs(nominal)]),
+            jacobian=self.jacobian[:, [*range(count), *(count + place for place in (*chosen, *rest))]],
+            nuisances=tuple(self.nuisances[place] for place in rest),
+        )
 
 
 @typed
@@ -151,28 +160,17 @@ def regression(
         sizes: reference sizes of relative precisions, (p,), SI; the nominal values' magnitudes by default.
         shared: B where the noise is B'e, e white.
     """
-    whitened = design_matrix if jacobian is None else jacobian
-
-    def information(chosen: Sequence[int]) -> Expression:
-        columns = whitened[:, list(chosen)]
-        square = columns.T @ columns
-        if shared is None:
-            return square
-        spread = shared @ columns
-        return harmonic(square, spread.T @ spread)
-
+    values = np.asarray(nominal, dtype=float)
     return Block(
         name=name,
         parameters=tuple(parameters),
-        nominal=np.asarray(nominal, dtype=float),
+        nominal=values,
         units=tuple(units),
-        response=design_matrix @ ca.DM(nominal),
-        design_matrix=design_matrix,
-        jacobian=whitened,
-        information=information,
+        scales=np.abs(values) if sizes is None else sizes,
+        response=design_matrix @ ca.DM(values),
+        jacobian=design_matrix if jacobian is None else jacobian,
         noise=noise,
-        raw=True,
-        sizes=sizes,
+        design_matrix=design_matrix,
         summed=summed,
         shared=shared,
     )

@@ -1,8 +1,10 @@
-"""Information matrices: how much a measurement says about its parameters, in the scaling chosen."""
+"""Information in a block of readings: an expression for searches, its square root in numbers for scores."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import casadi as ca
@@ -20,7 +22,6 @@ Scaling = Literal["relative", "none"] | Mapping[str, Size]
 """Sizes of parameters are in SI, with a unit, or shares of the nominal values."""
 SCALINGS = {"relative": "relative to their nominal values", "none": "in SI units"}
 
-
 FAINT = 2e-15
 """Share of the largest change of the readings that is rounding of it."""
 CANCELLED = 1e-13
@@ -32,128 +33,106 @@ def scaling_text(scaling: Scaling) -> str:
     return SCALINGS[scaling] if isinstance(scaling, str) else "in units of the scales given"
 
 
-def information(
-    block: Block,
-    scaling: Scaling,
-    *,
-    parameters: Sequence[str] | None = None,
-    unwanted: Sequence[str] = (),
-    prior: Array | None = None,
-) -> Expression:
-    """D F D (p, p), with D the parameters' scales and F the information, nuisances eliminated.
+@dataclass(frozen=True)
+class Estimation:
+    """Information in one block of a drive's readings.
 
-    `relative` scales by the nominal values (a parameter that is nominally 0 by a size of its own), so that
-    lambda_min^(-1/2) is the worst relative standard deviation; a mapping gives a scale per parameter; `none`
-    leaves the parameters in SI units, and for the paper's regressions (`block.raw`) the noise out as well:
-    W'W.
-
-    Args:
+    Attributes:
         block: the readings.
-        scaling: scaling of the parameters.
-        parameters: parameters of interest; all of the block's by default. Others are taken as known.
-        unwanted: further parameters that are unknown but not of interest: eliminated as nuisances are.
-        prior: information on (parameters, unwanted) had beforehand, SI.
+        parameters: estimated parameters, those of the criterion's interest first; others are known.
+        judged: the latter alone.
+        scaling: scaling of the criterion: `relative` by the nominal values (a parameter that is nominally 0
+            by a size of its own), so that lambda_min^(-1/2) is the worst relative standard deviation; a
+            mapping gives a scale per parameter; `none` leaves the parameters in SI units, and for the paper's
+            regressions (`block.raw`) the noise out as well: W'W.
+        prior: information on all estimated parameters had beforehand, SI, or None.
     """
-    chosen = tuple(block.parameters if parameters is None else parameters)
-    nuisances = len(block.nuisances)
-    matrix = block.information(_columns(block, (*chosen, *unwanted))) * _precision(block, scaling) ** 2
-    if prior is not None:
-        matrix = matrix + ca.diagcat(ca.DM(prior), ca.DM(nuisances, nuisances))
-    scales = ca.diag(ca.DM(scale_factors(block, scaling, chosen)))
-    return scales @ eliminate(matrix, len(chosen)) @ scales
+
+    block: Block
+    parameters: tuple[str, ...]
+    judged: tuple[str, ...]
+    scaling: Scaling
+    prior: Array | None
+
+    @property
+    def scales(self) -> Array:
+        """Scale factors of the judged parameters, SI."""
+        if self.scaling == "none":
+            return np.ones(len(self.judged))
+        if self.scaling == "relative":
+            return self.block.scales[self._places[: len(self.judged)]]
+        return np.array([_size(self.block, self.scaling, name) for name in self.judged])
+
+    @property
+    def _root_weight(self) -> float:
+        # A block without noise is refused when the problem is made; see `scaling_issues`.
+        divided = self.block.noise is not None and not (self.block.raw and self.scaling == "none")
+        return 1.0 / float(self.block.noise or 1.0) if divided else 1.0
+
+    @cached_property
+    def matrix(self) -> Expression:
+        """Information on the judged parameters, scaled, all else eliminated: what the criterion sees."""
+        return self.matrix_of(self.block.information)
+
+    def matrix_of(self, information: Callable[[Sequence[int]], Expression]) -> Expression:
+        """Return `matrix` of other information than the block's.
+
+        Args:
+            information: function of places of unknowns that returns the information on these.
+        """
+        matrix = information(self.block.places(self.parameters)) * self._root_weight**2
+        if self.prior is not None:
+            nuisances = len(self.block.nuisances)
+            matrix = matrix + ca.diagcat(ca.DM(self.prior), ca.DM(nuisances, nuisances))
+        scales = ca.diag(ca.DM(self.scales))
+        return scales @ eliminate(matrix, len(self.judged)) @ scales
+
+    def square_roots(self, jacobian: Array, summed: Array) -> tuple[SquareRoot, SquareRoot]:
+        """Return the information of a drive in numbers: what `matrix` is of it, and F on all estimated
+        parameters, SI (per unit of noise where that is not known).
+
+        Args:
+            jacobian: the drive's values of `block.jacobian`.
+            summed: the drive's values of `block.magnitudes`, (p,).
+        """
+        block, width = self.block, len(self.parameters)
+        read = np.array(jacobian)
+        read[:, _rounding_alone(block, jacobian, summed)] = 0.0
+        places, noise = block.places(self.parameters), block.noise or 1.0
+        rows = [block.rows(read[:, places]), noise * np.diag(np.sqrt(block.precisions[places]))]
+        if self.prior is not None:
+            known = SquareRoot.of_matrix(self.prior).rows
+            rows.append(noise * np.pad(known, ((0, 0), (0, len(places) - width))))
+        every = np.vstack(rows)
+        remaining, rounding = project_out(every, width, rounding_of(jacobian))
+        full = SquareRoot.of_rows(remaining, np.linalg.norm(every[:, :width], axis=0), rounding)
+        judged = full.leading(len(self.judged))
+        return judged.scaled(self._root_weight * self.scales), full.scaled(1.0 / noise)
+
+    @property
+    def _places(self) -> list[int]:
+        return [self.block.parameters.index(name) for name in self.parameters]
+
+    @property
+    def nominal(self) -> Array:
+        """Nominal values of the estimated parameters, SI."""
+        return self.block.nominal[self._places]
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI units of the estimated parameters."""
+        return tuple(self.block.units[place] for place in self._places)
 
 
-def square_root(
-    block: Block,
-    jacobian: Array,
-    parameters: Sequence[str],
-    unwanted: Sequence[str] = (),
-    prior: Array | None = None,
-    summed: Array | None = None,
-) -> SquareRoot:
-    """F of a drive in numbers, SI, in units of the block's noise: by its square root, nothing is squared.
-
-    Args:
-        block: the readings.
-        jacobian: the drive's values of `block.jacobian`.
-        parameters: parameters of interest.
-        unwanted: further parameters that are unknown but not of interest.
-        prior: information on (parameters, unwanted) had beforehand, SI.
-        summed: the drive's values of `block.magnitudes`, (p,).
-    """
-    width = len(parameters)
-    scaled_jacobian = np.array(jacobian)
-    scaled_jacobian[:, _rounding_alone(block, jacobian, summed)] = 0.0
-    rows = block.rows(scaled_jacobian[:, _columns(block, (*parameters, *unwanted))])
-    rows = np.vstack([rows, (block.noise or 1.0) * _known_rows(block, rows.shape[1], prior)])
-    sizes = np.linalg.norm(rows[:, :width], axis=0)
-    remaining, rounding = project_out(rows, width, rounding_of(jacobian))
-    return SquareRoot.of_rows(remaining, sizes, rounding)
-
-
-def _rounding_alone(block: Block, jacobian: Array, summed: Array | None) -> list[int]:
+def _rounding_alone(block: Block, jacobian: Array, summed: Array) -> list[int]:
     # Columns of parameters that, changed by as much as they are, change the readings by less than the largest
     # change of another is rounded by, whether that is to be estimated or known: motions that cancel, as of a
     # system that goes sideways, leave that much. And columns whose entries are sums that cancel themselves.
-    sizes = scale_factors(block, "relative")
+    sizes = block.scales
     lengths = np.linalg.norm(jacobian[:, : len(sizes)], axis=0)
     lost = (lengths * sizes <= FAINT * (lengths * sizes).max(initial=0.0)) & (sizes > 0)
-    if summed is not None:
-        lost |= (lengths <= CANCELLED * summed) & (summed > 0)
+    lost |= (lengths <= CANCELLED * summed) & (summed > 0)
     return np.flatnonzero(lost).tolist()
-
-
-def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Array:
-    """Return the factors (p,) that bring the parameters' columns of that square root to a scaling.
-
-    Args:
-        block: block with the parameters.
-        scaling: scaling of the parameters.
-        parameters: names, p of them.
-    """
-    return _precision(block, scaling) * scale_factors(block, scaling, parameters)
-
-
-def _columns(block: Block, names: Sequence[str]) -> list[int]:
-    # Of these parameters, then of all nuisances.
-    first = len(block.parameters)
-    places = [block.parameters.index(name) for name in names]
-    return [*places, *range(first, first + len(block.nuisances))]
-
-
-def _known_rows(block: Block, width: int, prior: Array | None) -> Array:
-    # Priors as further rows: of the parameters, and of nuisances with a deviation.
-    first = width - len(block.nuisances)
-    deviations = [(first + index, nuisance.deviation) for index, nuisance in enumerate(block.nuisances)]
-    nuisance_rows = [
-        np.eye(width)[place] / deviation for place, deviation in deviations if deviation is not None
-    ]
-    nuisances = np.reshape(nuisance_rows, (-1, width))
-    if prior is None:
-        return nuisances
-    return np.vstack([np.pad(SquareRoot.of_matrix(prior).rows, ((0, 0), (0, width - first))), nuisances])
-
-
-def _precision(block: Block, scaling: Scaling) -> float:
-    # A block without noise is refused when the problem is made; see `scaling_issues`.
-    divided = block.noise is not None and not (block.raw and scaling == "none")
-    return 1.0 / float(block.noise or 1.0) if divided else 1.0
-
-
-def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | None = None) -> Array:
-    """Scale (p,) of each parameter of interest, SI.
-
-    Args:
-        block: block with the parameters.
-        scaling: scaling of the parameters.
-        parameters: names, p of them.
-    """
-    names = block.parameters if parameters is None else tuple(parameters)
-    if scaling == "none":
-        return np.ones(len(names))
-    if scaling == "relative":
-        return np.array([block.scales[block.parameters.index(name)] for name in names])
-    return np.array([_size(block, scaling, name) for name in names])
 
 
 def _size(block: Block, scaling: Mapping[str, Size], name: str) -> float:
@@ -161,20 +140,16 @@ def _size(block: Block, scaling: Mapping[str, Size], name: str) -> float:
     return parse_size(scaling[name], float(block.nominal[place]), block.units[place], "scale")
 
 
-def scaling_issues(
-    blocks: Sequence[Block], scaling: Scaling, parameters: Sequence[Sequence[str]] | None = None
-) -> Iterator[Issue]:
-    """Yield what keeps `scaling` from being applied to these blocks' parameters of interest.
+def scaling_issues(judged: Sequence[tuple[Block, Sequence[str]]], scaling: Scaling) -> Iterator[Issue]:
+    """Yield what keeps a scaling from being applied.
 
     Args:
-        blocks: blocks of readings.
+        judged: blocks, each with the names of its parameters of interest.
         scaling: scaling of the parameters.
-        parameters: names of each block's parameters of interest.
     """
     if scaling == "none":
         return
-    chosen = [block.parameters for block in blocks] if parameters is None else parameters
-    for block, names in zip(blocks, chosen, strict=True):
+    for block, names in judged:
         if block.noise is None:
             text = f"the {block.name} noise is needed to weight the information (or use scaling: none)"
             yield Issue(("measurement", "noise"), text)
@@ -187,8 +162,7 @@ def scaling_issues(
             )
             yield Issue(("criterion", "scaling"), text)
     if isinstance(scaling, Mapping):
-        owners = {name: block for block, names in zip(blocks, chosen, strict=True) for name in names}
-        yield from _scale_issues(owners, scaling)
+        yield from _scale_issues({name: block for block, names in judged for name in names}, scaling)
 
 
 def _scale_issues(owners: Mapping[str, Block], scaling: Mapping[str, Size]) -> Iterator[Issue]:

@@ -21,14 +21,11 @@ NOTHING = 1e-60
 
 
 def eliminate(matrix: Expression, leading: int) -> Expression:
-    """The Schur complement on the first `leading` rows: what is left when the others are unknown as well."""
-    size = matrix.shape[0]
-    if size == leading:
+    """Return the Schur complement on the first `leading` rows: what is left if the others are unknown too."""
+    if matrix.shape[0] == leading:
         return matrix
-    if isinstance(matrix, ca.SX) and not matrix.is_dense():
-        # What is 0 by structure, as between start states of different trials, costs nothing.
-        return _eliminated(matrix, leading)
-    return _elimination(size, leading)(matrix)
+    taken = quotient(matrix[leading:, leading:], matrix[leading:, :leading])
+    return ca.densify(matrix[:leading, :leading] - taken)
 
 
 def posterior(covariance: Expression, information: Expression) -> Expression:
@@ -41,8 +38,8 @@ def posterior(covariance: Expression, information: Expression) -> Expression:
 
 
 def harmonic(matrix: Expression, spread: Expression) -> Expression:
-    """S M^-1 S of symmetric S = `matrix` and M = `spread`: the inverse of the sandwich S^-1 M S^-1."""
-    return _harmonic(matrix.shape[0])(matrix, spread)
+    """Return S M^-1 S of symmetric S = `matrix` and M = `spread`: the inverse of the sandwich S^-1 M S^-1."""
+    return ca.densify(quotient(spread, matrix))
 
 
 def solve_lower(upper: Expression, right: Expression) -> Expression:
@@ -57,8 +54,15 @@ def solve_lower(upper: Expression, right: Expression) -> Expression:
 
 
 def quotient(matrix: Expression, right: Expression) -> Expression:
-    """B' M^-1 B of a symmetric positive semidefinite M (SX), pivot by pivot, but for those of rounding."""
-    total: Expression = ca.SX(right.shape[1], right.shape[1])
+    """Return B' M^-1 B of a symmetric positive semidefinite M, pivot by pivot, but for those of rounding."""
+    if isinstance(matrix, ca.SX):
+        # What is 0 by structure, as between start states of different trials, costs nothing.
+        return _quotient(matrix, right)
+    return _quotient_of(*right.shape)(matrix, right)
+
+
+def _quotient(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    total = ca.SX(right.shape[1], right.shape[1])
     diagonal = ca.diag(matrix)
     for index in range(matrix.shape[0]):
         pivot = matrix[0, 0]
@@ -70,19 +74,7 @@ def quotient(matrix: Expression, right: Expression) -> Expression:
     return total
 
 
-# Entry by entry, as SX; as functions they serve every type.
 @lru_cache(maxsize=64)
-def _elimination(size: int, leading: int) -> ca.Function:
-    matrix = ca.SX.sym("F", size, size)
-    return ca.Function("eliminate", [matrix], [_eliminated(matrix, leading)])
-
-
-def _eliminated(matrix: ca.SX, leading: int) -> ca.SX:
-    taken = quotient(matrix[leading:, leading:], matrix[leading:, :leading])
-    return ca.densify(matrix[:leading, :leading] - taken)
-
-
-@lru_cache(maxsize=16)
-def _harmonic(size: int) -> ca.Function:
-    matrix, spread = ca.SX.sym("S", size, size), ca.SX.sym("M", size, size)
-    return ca.Function("harmonic", [matrix, spread], [ca.densify(quotient(spread, matrix))])
+def _quotient_of(size: int, columns: int) -> ca.Function:
+    matrix, right = ca.SX.sym("M", size, size), ca.SX.sym("B", size, columns)
+    return ca.Function("quotient", [matrix, right], [ca.densify(_quotient(matrix, right))])

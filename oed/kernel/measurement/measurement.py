@@ -108,20 +108,16 @@ class Sensors(Measurement):
         nuisances, columns = (*start, *constants), jacobian.shape[1]
         # A start that is known is no unknown.
         design = jacobian[:, [*range(size + len(start)), *range(columns - len(constants), columns)]]
-        precisions = [0.0] * size + [(nuisance.deviation or np.inf) ** -2 for nuisance in nuisances]
-        matrix = design.T @ design + ca.diag(ca.DM(precisions))
         block = Block(
             name="joint",
             parameters=tuple(parameter.name for parameter in system.parameters),
             nominal=np.array(system.nominal, dtype=float),
             units=tuple(parameter.unit for parameter in system.parameters),
             response=ca.vertcat(*responses),
-            design_matrix=design[:, :size],
             jacobian=design,
-            information=lambda chosen: matrix[list(chosen), list(chosen)],
             noise=1.0,
             nuisances=nuisances,
-            sizes=np.array([parameter.scale for parameter in system.parameters]),
+            scales=np.array([parameter.scale for parameter in system.parameters]),
         )
         return (block,)
 

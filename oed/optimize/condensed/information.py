@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
@@ -59,7 +58,7 @@ class Information:
         assert regression is not None
         held, start = ca.SX(1, len(robot.inputs)), ca.SX(len(robot.states), 1)
         blocks = regression.blocks(small_drive(self._problem, held, start))
-        return {block.name: tuple(block.design_matrix.shape) for block in blocks}
+        return {block.name: tuple(block.jacobian.shape) for block in blocks}
 
     def _squares(self) -> Differentiated:
         # A segment's rows of all blocks -> upper halves of their squares.
@@ -74,7 +73,7 @@ class Information:
     def _judged(self, sums: Expression) -> list[Expression]:
         readers = self._joint(sums) if self._sensors else self._regressions(sums)
         return [
-            replace(estimation, block=replace(estimation.block, information=reader)).matrix
+            estimation.matrix_of(reader)
             for estimation, reader in zip(self._problem.any_estimations, readers, strict=True)
         ]
 

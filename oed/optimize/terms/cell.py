@@ -286,8 +286,8 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     if cuts.regression is not None:
         blocks = cuts.regression.blocks(drive)
         if cuts.segment > 1:
-            return ca.vertcat(*(ca.vec(ca.densify(block.design_matrix)) for block in blocks))
-        return ca.vertcat(*(upper_half(block.design_matrix.T @ block.design_matrix) for block in blocks))
+            return ca.vertcat(*(ca.vec(ca.densify(block.jacobian)) for block in blocks))
+        return ca.vertcat(*(upper_half(block.jacobian.T @ block.jacobian) for block in blocks))
     if problem.process_noise is not None:
         used = _filtering(problem)
         columns = _columns(problem, used)
