@@ -71,6 +71,22 @@ class Scenarios:
     parameters: Array
     shifts: Array
 
+    @classmethod
+    def nominal(cls, system: System, runs: int) -> Scenarios:
+        """Return the nominal values of a system alone.
+
+        Args:
+            system: system with nominal parameters.
+            runs: number of runs of a drive.
+        """
+        return cls(system, np.array([system.nominal]), np.zeros((1, runs, len(system.states))))
+
+    @property
+    def varied(self) -> Array:
+        """Parameters (K, p) where any are not nominal, else none: (K, 0)."""
+        is_varied = (self.parameters != np.array(self.system.nominal)).any()
+        return self.parameters if is_varied else self.parameters[:, :0]
+
     @property
     def each(self) -> tuple[tuple[Array, Array], ...]:
         """Parameters (p,) and shifts (runs, states) of one after the other."""
@@ -79,10 +95,11 @@ class Scenarios:
     @property
     def after_nominal(self) -> Scenarios:
         """The nominal values, then these."""
+        nominal = Scenarios.nominal(self.system, self.shifts.shape[1])
         return Scenarios(
             self.system,
-            np.vstack([self.system.nominal, self.parameters]),
-            np.concatenate([np.zeros((1, *self.shifts.shape[1:])), self.shifts]),
+            np.vstack([nominal.parameters, self.parameters]),
+            np.concatenate([nominal.shifts, self.shifts]),
         )
 
 

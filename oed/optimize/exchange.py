@@ -19,8 +19,8 @@ from oed.kernel.dynamics.rollout import FINE
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.optimize.lower_level import Instants, LowerLevel, within
-from oed.optimize.terms.base import Terms
 from oed.optimize.terms.slots import Chosen
+from oed.optimize.terms.terms import Terms
 from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, IpoptOutcome, slots_for
 
 PER_UNKNOWN = 2.0
@@ -68,7 +68,7 @@ class Exchange:
 
     def first_instants(self) -> Instants:
         """Return the first instants of a search, evenly spread over each run."""
-        rows = self._rows.count * self._problem.design.runs
+        rows = int(self._rows.systems.sum()) * self._problem.design.runs
         if not rows:
             return self._spread(LEAST)
         most = int(np.clip(TOGETHER // rows, LEAST, MOST))
@@ -82,11 +82,10 @@ class Exchange:
 
     def _spread(self, count: int) -> Instants:
         # Evenly spread instants of every row, `count` in each run.
-        space, rows = self._problem.design, self._rows.count
+        space = self._problem.design
         times = space.duration * np.arange(1, count + 1) / count
-        row = np.repeat(np.arange(rows), space.runs * count)
-        run = np.tile(np.repeat(np.arange(space.runs), count), rows)
-        return Instants(row, run, np.tile(times, rows * space.runs))
+        row, run = np.nonzero(np.repeat(self._rows.systems, space.runs, axis=1))
+        return Instants(np.repeat(row, count), np.repeat(run, count), np.tile(times, len(row)))
 
     def chosen_rows(self, instants: Instants, drive: Trajectory) -> Chosen:
         """Return instants as rows of the search's program.
@@ -106,7 +105,7 @@ class Exchange:
             lower, upper = lower + shift, upper + shift
         sample, elapsed = within(instants, space.samples, space.period)
         if self._rows.asking:
-            basis, places = self._terms.embedding.basis(instants.run, instants.time)
+            basis, places = self._terms.embedding.basis(instants.run % space.runs, instants.time)
         else:
             basis, places = np.zeros((0, len(instants))), np.zeros((0, len(instants)), dtype=int)
         return Chosen(sample, elapsed, instants.row, basis, places, lower, upper, self._rows.count)

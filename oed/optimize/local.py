@@ -15,7 +15,6 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
 from oed.kernel.results import TOLERANCE, Evaluation
 from oed.kernel.scorer import score
@@ -45,32 +44,25 @@ LOOSE = 1e-3
 """Tolerance of solves after which more instants may be added."""
 SKETCHED = 1e-5
 """Smallest tolerance of sketches, the best of which are solved further."""
-SLIPPED = 0.02
-"""Excess between the points of a path, as a share of a limit's size, above which points are made denser."""
 FINER, FINEST = 4, 64
-"""Factor on the number of points per sample, and their largest number."""
+"""Factor on the number of times of a sample at which missed instants are sought, and its largest value."""
 
 
 class LocalSearch:
     """Local search of one problem, with a program of the criterion and a program of the second stage.
 
-    Limits on instants are imposed at the instants that the search has collected. For a robust problem, limits
-    on the path are imposed at `refine` points per sample, and at more points where a design exceeds them in
-    between.
+    Limits on instants are imposed at the instants that the search has collected.
 
     Args:
         problem: problem to be solved.
         options: options of Ipopt and of the stages.
         deadline: end of the entire search by `time.time`, which all processes share.
-        refine: points per sample.
     """
 
-    def __init__(
-        self, problem: Problem, options: IpoptOptions, deadline: float = np.inf, refine: int = 1
-    ) -> None:
+    def __init__(self, problem: Problem, options: IpoptOptions, deadline: float = np.inf) -> None:
         """Write the expressions."""
-        self.problem, self.options, self.deadline, self.refine = problem, options, deadline, refine
-        self.grid = SearchGrid(problem, options.search_samples, refine)
+        self.problem, self.options, self.deadline = problem, options, deadline
+        self.grid = SearchGrid(problem, options.search_samples)
         self.design = self.grid.design
         self.scale = self.design.scale
         self._robots = [[matrix / self.scale for matrix in matrices] for matrices in self.grid.robots]
@@ -101,10 +93,6 @@ class LocalSearch:
             floors=floors,
             options=self.options.for_ipopt,
         )
-
-    @cached_property
-    def _finer_search(self) -> LocalSearch:
-        return LocalSearch(self.problem, self.options, self.deadline, FINER * self.refine)
 
     @property
     def no_floors(self) -> Array:
@@ -247,10 +235,6 @@ class LocalSearch:
             satisfied = not (excess.any() or self._is_misled(unknowns, corrections, evaluation))
             if hopeless or satisfied or time.time() > self.deadline:
                 return
-            slipped = self.refine < FINEST and bool(np.any(excess[self._at_points] > SLIPPED))
-            if outcome.succeeded and slipped:
-                yield from self._finer_search._rounds(unknowns, floors, corrections, second=second)
-                return
             before, more = backoff, self._missed_instants(instants, drive, excess)
             backoff = np.where(self._at_instants, 0.0, np.minimum(backoff + 1.1 * excess, NARROWEST))
             instants = self.exchange.with_more(instants, more, drive)
@@ -341,12 +325,6 @@ class LocalSearch:
     def _at_instants(self) -> Bools:
         # Mask of the limits that are imposed at the instants of the exchange.
         return np.isin(np.arange(len(self.problem.limits)), self.design.terms.instants.limits)
-
-    @cached_property
-    def _at_points(self) -> Bools:
-        # Mask of the limits on the path that are imposed at points, as for robust problems.
-        on_path = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
-        return on_path & ~self._at_instants
 
     def _is_misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:
         # True where the objective on the grid differs from that on all samples.

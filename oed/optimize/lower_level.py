@@ -14,7 +14,7 @@ from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.between.periods import periods_of
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import Terms
+from oed.optimize.terms.terms import Terms
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Instants:
 
     Attributes:
         row: place among the rows of an instant, (K,).
-        run: number of the run, (K,).
+        run: number of the run among those of all watched systems, (K,).
         time: time on the run's clock [s], (K,).
     """
 
@@ -77,8 +77,10 @@ class LowerLevel:
         table, times = self._table(drive, fine)
         excess = self._rows.excess(table)
         runs, _ = times.shape
-        # Course of every row over the time of every run, (rows, runs, times).
+        # Course of every row over the time of every run of every system, (rows, runs, times).
         courses = excess.reshape(runs, -1, self._rows.count).transpose(2, 0, 1)
+        kept = np.repeat(self._rows.systems, runs // self._rows.systems.shape[1], axis=1)
+        courses = np.where(kept[:, :, None], courses, -np.inf)
         wide = np.pad(courses, ((0, 0), (0, 0), (1, 1)), constant_values=-np.inf)
         before, after = wide[:, :, :-2], wide[:, :, 2:]
         peaks = (courses > share) & (courses >= before) & (courses > after)
@@ -107,26 +109,32 @@ class LowerLevel:
         return table[np.arange(len(instants)), instants.row]
 
     def _table(self, drive: Trajectory, fine: int) -> tuple[Array, Array]:
-        # Rows (instants, R) at `fine` times of every period, run by run, and these times (runs, instants).
-        samples = drive.samples // drive.runs
+        # Rows (instants, R) at `fine` times of every period of every watched system, run by run, and these
+        # times (runs of all systems, instants).
+        samples, count = drive.samples // drive.runs, self._rows.systems.shape[1] * drive.runs
         steps = np.arange(0 if self._problem.design.start_is_free else 1, samples * fine + 1)
-        times = np.tile(drive.period * steps / fine, (drive.runs, 1))
-        run = np.repeat(np.arange(drive.runs), len(steps))
-        sample = np.minimum(np.tile(np.maximum(steps - 1, 0) // fine, drive.runs), samples - 1)
+        times = np.tile(drive.period * steps / fine, (count, 1))
+        run = np.repeat(np.arange(count), len(steps))
+        sample = np.minimum(np.tile(np.maximum(steps - 1, 0) // fine, count), samples - 1)
         elapsed = times.ravel() - drive.period * sample
-        return self._rows_of(drive, run * samples + sample, elapsed, run, times.ravel()), times
+        table = self._rows_of(drive, run * samples + sample, elapsed, run, times.ravel())
+        return table, times
 
     def _rows_of(self, drive: Trajectory, place: Places, elapsed: Array, run: Places, time: Array) -> Array:
-        system, scale = self._problem.system, self._scale
-        periods = periods_of(system, drive, np.array([system.nominal]), drive.starts[None])
-        parts = [periods.states[place], drive.inputs[place] / scale]
-        if self._rows.asking:
-            inputs = np.empty_like(parts[1])
+        scenarios, rows, samples = self._rows.scenarios, self._rows, drive.samples
+        entries = [] if rows.cell is None else rows.cell.entries
+        starts = drive.starts + scenarios.shifts
+        periods = periods_of(scenarios.system, drive, scenarios.parameters, starts, sensitive=bool(entries))
+        parts = [periods.states[place], drive.inputs[place % samples] / self._scale]
+        if entries:
+            parts.insert(1, np.asarray(periods.sensitivities[place][:, entries]))
+        if rows.asking:
+            inputs = np.empty_like(parts[-1])
             for number, repetition in enumerate(drive.each):
-                in_run = run == number
-                inputs[in_run] = repetition.inputs_at(time[in_run]) / scale
+                in_run = run % drive.runs == number
+                inputs[in_run] = repetition.inputs_at(time[in_run]) / self._scale
             parts.append(inputs)
-        return self._rows.table(np.hstack(parts), elapsed)
+        return rows.table(np.hstack(parts), rows.constants(run // drive.runs, elapsed))
 
 
 def within(instants: Instants, samples: int, period: float) -> tuple[Places, Array]:

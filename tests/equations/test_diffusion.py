@@ -23,8 +23,8 @@ from oed.kernel.measurement.process_noise import spread
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import score
 from oed.kernel.solution import scored
-from oed.optimize.condensed.terms import Condensed
 from oed.optimize.lifted import lift, lower
+from oed.optimize.terms.terms import Terms
 from oed.simulation.monte_carlo import validate
 
 K, GAIN, PERIOD, SAMPLES, STEPS = 0.7, 1.3, 0.5, 12, 10
@@ -141,7 +141,7 @@ def test_a_search_that_chooses_the_duration_sees_the_noise_of_the_time_it_takes(
     problem = problem_of(shortest=2.0)
     search = lift(problem)
     assert search is not None
-    terms = Condensed(search)
+    terms = Terms(search)
     z = np.random.default_rng(1).uniform(0.4, 0.9, terms.size)
     table = terms.embedding.table(z[: terms.coefficient_count] * terms.embedding.spread(terms.input_scale))
     chosen = scored(search, search.design.trajectory(table, np.array([0.2, 0.1])), "chosen")

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from builders import RADIUS, TRACK, check_all, problem_of, random_drive
+from written_out import WrittenOut
 
 from oed.bounds import STEADY, bound
 from oed.estimation.methods.nonlinear import Nonlinear
@@ -18,8 +19,7 @@ from oed.kernel.measurement.filter import filter_of
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import precision_over_time
 from oed.optimize import Ipopt, solve
-from oed.optimize.condensed.terms import Condensed
-from oed.optimize.terms.unrolled import Unrolled
+from oed.optimize.terms.terms import Terms
 from oed.robots.sensors import Drift, Poses, RelativePoses, YawRate
 from oed.robots.sensors.mounting import LeverArm, Mounting
 from oed.simulation.monte_carlo import validate
@@ -293,14 +293,15 @@ def test_condensed_drives_are_what_they_are_written_out(sensors, size: int):
     # Of three parameters one is not asked for.
     parts = {"samples": 3 * size, "period": 0.3, "coefficients": 6, "estimate": SOME}
     problem = problem_of(measurement=sensors, criterion=E(), **parts)
-    condensed, whole = Condensed(problem), Unrolled(problem)
+    terms, written_out = Terms(problem), WrittenOut(problem)
+    whole = written_out.functions()
     rng = np.random.default_rng(0)
-    at, weights = rng.uniform(-0.6, 0.6, whole.size), rng.normal(size=whole.entry_count)
+    at, weights = rng.uniform(-0.6, 0.6, terms.size), rng.normal(size=terms.entry_count)
     none = np.zeros(len(np.array(whole.values(at)[1])))
     for found, expected in (
-        (condensed.values(at)[0], whole.values(at)[0]),
-        (condensed.jacobian(at)[0], whole.jacobian(at)[0]),
-        (condensed.hessian(at, weights, none), whole.hessian(at, weights, none)),
+        (terms.values(at)[0], whole.values(at)[0]),
+        (terms.jacobian(at)[0], whole.jacobian(at)[0]),
+        (terms.hessian(at, weights, none), whole.hessian(at, weights, none)),
     ):
         table = np.array(expected)
         np.testing.assert_allclose(np.array(found), table, rtol=0, atol=1e-12 * np.abs(table).max())

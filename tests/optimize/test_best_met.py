@@ -235,15 +235,6 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
         assert (found.status, found.reason) == (Status.ACCEPTABLE, "")
 
 
-def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: pytest.MonkeyPatch):
-    search, poor, good, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "solve_exchanging", ending([good, outside]))
-    monkeypatch.setattr(LocalSearch, "_is_misled", lambda *_: True)
-    monkeypatch.setattr(LocalSearch, "_at_points", property(lambda own: np.full(2, own is search)))
-    monkeypatch.setattr(local, "score", refusing([outside], search))
-    np.testing.assert_array_equal(search.maximise(poor).unknowns, good)
-
-
 @pytest.mark.slow
 def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: pytest.MonkeyPatch):
     problem, settle = small(), LocalSearch.second_stage

@@ -16,11 +16,9 @@ from oed.kernel.dynamics import direct_call
 from oed.kernel.dynamics.compiled import MANY, at_work, compiled, compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
-from oed.optimize.condensed.terms import Condensed
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.terms.base import Terms
-from oed.optimize.terms.unrolled import Unrolled
+from oed.optimize.terms.terms import Terms
 from oed.optimize.transcription.program import slots_for
 from oed.robots.sensors import Displacements
 
@@ -104,11 +102,8 @@ def called(terms: Terms, slots: int, seed: int) -> list[np.ndarray]:
 
 @needs_compiler
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [Condensed, Unrolled])
-def test_what_a_search_calls_is_the_same_to_the_last_bit(
-    kind: type[Terms], cache: Path, monkeypatch: pytest.MonkeyPatch
-):
-    plain, quick = kind(problem()), kind(problem())
+def test_what_a_search_calls_is_the_same_to_the_last_bit(cache: Path, monkeypatch: pytest.MonkeyPatch):
+    plain, quick = Terms(problem()), Terms(problem())
     slots = slots_for(len(LocalSearch(problem(), SETTINGS).exchange.first_instants()))
     monkeypatch.setattr(direct_call, "PAYS", 0.0)
     for _ in range(2):

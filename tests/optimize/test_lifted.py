@@ -14,8 +14,8 @@ from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.pace import PACE
 from oed.kernel.selection import Selection
 from oed.kernel.solution import scored
-from oed.optimize.condensed.terms import Condensed
 from oed.optimize.lifted import EffortTotal, lift, lower
+from oed.optimize.terms.terms import Terms
 
 pytestmark = pytest.mark.usefixtures("few_screened")
 
@@ -44,7 +44,7 @@ def decaying(measurement: oed.Rates | oed.Outputs, criterion: str | Criterion = 
 def test_readings_say_as_much_as_in_the_time_that_is_chosen(sensor):
     problem = decaying(sensor(noise={"a": 0.1}))
     search = lift(problem)
-    terms = Condensed(search)
+    terms = Terms(search)
     z = np.random.default_rng(1).uniform(0.4, 0.9, terms.size)
     table = terms.embedding.table(z[: terms.coefficient_count] * terms.embedding.spread(terms.input_scale))
     own = lower(problem, scored(search, search.design.trajectory(table, np.array([0.2])), "chosen"))

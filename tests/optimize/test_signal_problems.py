@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import problem_of as robot_problem
+from written_out import WrittenOut
 
 import oed
 from oed.kernel.criteria import D
@@ -27,11 +28,9 @@ from oed.kernel.dynamics.signals import (
 )
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.scorer import score
-from oed.optimize.condensed.terms import Condensed
-from oed.optimize.terms import terms_of
-from oed.optimize.terms.unrolled import Unrolled
+from oed.optimize.terms.terms import Terms
 from oed.optimize.transcription.chain import Frame
-from oed.optimize.transcription.coarse import FineGrid, SearchGrid
+from oed.optimize.transcription.coarse import SearchGrid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import perturbed_design
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
@@ -63,7 +62,7 @@ def problem_of(signals: tuple[Signal, ...] = STEPS, samples: int = 24, **parts: 
     )
 
 
-def weights_of(terms: Condensed) -> tuple[np.ndarray, np.ndarray]:
+def weights_of(terms: Terms) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(2)
     return rng.normal(size=terms.entry_count), rng.normal(size=sum(len(one.lower) for one in terms.rows))
 
@@ -73,17 +72,18 @@ def dense(matrix: ca.DM) -> np.ndarray:
 
 
 def same_as_whole(problem: oed.Problem, linear: list[bool]) -> None:
-    """Condensed terms are those of the drive written out; which limits are linear in the unknowns."""
-    condensed, whole = Condensed(problem), Unrolled(problem)
+    """The terms are those of the drive written out; which limits are linear in the unknowns."""
+    condensed, whole = Terms(problem), WrittenOut(problem)
     assert condensed.linear == whole.linear == linear
     for one, other in zip(condensed.rows, whole.rows, strict=True):
         np.testing.assert_array_equal(one.lower, other.lower)
         np.testing.assert_array_equal(one.upper, other.upper)
     z = np.random.default_rng(1).uniform(0.1, 1.0, whole.size)
+    functions = condensed.functions(), whole.functions()
     for name in ("values", "jacobian"):
-        for one, other in zip(getattr(condensed, name)(z), getattr(whole, name)(z), strict=True):
+        for one, other in zip(*(getattr(part, name)(z) for part in functions), strict=True):
             np.testing.assert_allclose(dense(one), dense(other), rtol=1e-9, atol=1e-11)
-    found, expected = (one.hessian(z, *weights_of(condensed)) for one in (condensed, whole))
+    found, expected = (part.hessian(z, *weights_of(condensed)) for part in functions)
     np.testing.assert_allclose(dense(found), dense(expected), rtol=1e-8, atol=1e-10)
 
 
@@ -93,7 +93,7 @@ def test_condensed_runs_that_share_every_input_are_the_whole_drive(start: str):
     shared = (PiecewiseLinear(pieces=3, shared=True), *2 * (Constant(shared=True),))
     bounds = ((0.2, 1.0 if start == "chosen" else 0.2), (0.1, 0.1))
     problem = problem_of(shared, samples=8, start_bounds=bounds)
-    terms = Condensed(problem)
+    terms = Terms(problem)
     # Three inputs of 4, 1 and 1 unknowns, and of both runs the one state that is chosen.
     assert terms.size == (8 if start == "chosen" else 6)
     same_as_whole(problem, [True] * 3)
@@ -116,7 +116,6 @@ def test_condensed_drives_without_inputs_are_the_whole_drive():
         limits=[],
         criterion=D(scaling="none"),
     )
-    assert isinstance(terms_of(problem), Condensed)
     same_as_whole(problem, [])
 
 
@@ -132,7 +131,7 @@ class TestTermsOfSignals:
 
     @pytest.mark.slow
     def test_derivatives_are_those_of_differences(self, signals: tuple[Signal, ...]):
-        terms = Condensed(problem_of(signals))
+        terms = Terms(problem_of(signals))
         z = np.random.default_rng(1).uniform(0.1, 1.0, terms.size)
         entries, rows = weights_of(terms)
 
@@ -178,7 +177,7 @@ class TestTermsOfSignals:
 
 @pytest.mark.slow
 def test_rows_that_repeat_are_bounds_of_one_unknown():
-    terms = Condensed(problem_of())
+    terms = Terms(problem_of())
     # Of two runs: five values each, a constant each, and what a wave is at 24 times.
     assert [len(one.lower) for one in terms.rows] == [10, 2, 48]
     rows, unknowns, _, _ = terms.bounded_unknowns
@@ -279,8 +278,7 @@ class TestFurtherLimits:
     def test_every_change_is_limited_once(self):
         problem = replace(problem_of(), limits=(*problem_of().limits, *FURTHER))
         rows = {
-            limit.name: len(one.lower)
-            for limit, one in zip(problem.limits, Condensed(problem).rows, strict=True)
+            limit.name: len(one.lower) for limit, one in zip(problem.limits, Terms(problem).rows, strict=True)
         }
         # Between five pieces of two runs there are four steps each; of each the jerk rises and falls.
         assert (rows["slew"], rows["jolt"], rows["together"]) == (8, 16, 10)
@@ -356,7 +354,7 @@ def test_steps_are_as_cheap_as_a_spline_of_degree_0():
     problem = fishing(samples=30, pieces=6, substeps=1)
     spline = oed.Spline(degree=0, coefficients=6)
     usual = oed.SignalSpace(duration=12, samples=30, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
-    signals, splines = Condensed(problem), Condensed(replace(problem, design=usual))
+    signals, splines = Terms(problem), Terms(replace(problem, design=usual))
     assert signals.written == splines.written
     z = np.random.default_rng(0).uniform(0, 1, 6)
     for name in ("values", "jacobian", "hessian"):
@@ -375,12 +373,17 @@ def test_a_coarse_grid_knows_chosen_starts():
     problem = problem_of(samples=96, **parts)
     grid = SearchGrid(problem, 24)
     assert grid.coarse
-    fine = FineGrid(problem, grid.design)
     (z,) = random_drives(grid.design, np.array([0.5]), np.random.default_rng(0))
-    _, slopes = fine.at(grid.trajectory(z))
-    for place, step in enumerate(1e-5 * np.eye(len(z))):
-        high, low = (fine.entries(grid.trajectory(z + sign * step)) for sign in (1, -1))
-        np.testing.assert_allclose(slopes[:, place], (high - low) / 2e-5, rtol=1e-6, atol=1e-6)
+    corrections = grid.correction(z)
+    for step in 1e-5 * np.eye(len(z)):
+        (found,), (fine,) = (
+            np.subtract(*(matrices(z + sign * step) for sign in (1, -1)))
+            for matrices in (
+                lambda at: grid.matrices_of(at, corrections)[0],
+                lambda at: DesignExpressions(problem).matrices_of(at)[0],
+            )
+        )
+        np.testing.assert_allclose(found / 2e-5, fine / 2e-5, rtol=1e-6, atol=1e-6)
     assert not SearchGrid(problem_of(samples=96), 24).coarse
 
 

@@ -1,9 +1,12 @@
 """Terms: a drive's information and limit rows as functions of the unknowns, with their derivatives.
 
-`base` says what they are. `unrolled` writes the whole drive out; `condensed`, beside this folder, puts it
-together from a `cell` for one sample, which hands on what `carry` says. `needs` finds what each limit looks
-at: `fixed_rows` are those of splines and, by `whole_rows`, of whole runs; `instants` has those of one
-instant, of which `slots` takes as many as are chosen, around what has `begun` where their samples begin.
+`unknowns` says what these are, `needs` what each limit looks at. `cell` is one sample: `sample_cell` adds
+to the information, by sensitivities as `carry` hands them on; `motion_cell` has the motion alone. `runs`
+rolls cells out over all samples and differentiates them by a run's unknowns. `information` makes the judged
+matrices of what samples add, `whole_rows` and `whole` have what needs a whole drive, `judged` is either.
+`watched` says which systems keep limits on instants, `instants` has the rows of one, of which `slots` takes
+as many as are chosen; `fixed_rows` and `rows` lay all rows out. `point` is one evaluation of everything, with
+derivatives in NumPy; `terms` is what a search asks for.
 """
 
 from __future__ import annotations
@@ -11,9 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 from oed.kernel.problem import Problem
-from oed.optimize.condensed.terms import Condensed, condensable
-from oed.optimize.terms.base import Terms
-from oed.optimize.terms.unrolled import Unrolled
+from oed.optimize.terms.terms import Terms
 
 _KEPT: list[tuple[tuple[Any, ...], Terms]] = []
 """Terms written in this process with what they are of, the newest first."""
@@ -22,8 +23,7 @@ _MOST = 2
 
 
 def terms_of(problem: Problem, refine: int = 1) -> Terms:
-    """The terms of a problem, written once in a process for all criteria of the same matrices: condensed
-    where its samples add up, else unrolled.
+    """The terms of a problem, written once in a process for all criteria of the same matrices.
 
     Args:
         problem: whose terms they are.
@@ -46,7 +46,7 @@ def terms_of(problem: Problem, refine: int = 1) -> Terms:
     for key, terms in _KEPT:
         if key == same:
             return terms
-    terms = Condensed(problem, refine) if condensable(problem) else Unrolled(problem, refine)
+    terms = Terms(problem, refine)
     _KEPT.insert(0, (same, terms))
     del _KEPT[_MOST:]
     return terms

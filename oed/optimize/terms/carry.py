@@ -10,7 +10,7 @@ a covariance P as well, of which the readings before have left something [Sarkka
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 
@@ -76,7 +76,9 @@ class Carry:
         self._step = step or self._composed
         self.moving: list[int] = []
         if self._sensed:
-            self._find_moving()
+            self.moving = moving_entries(
+                self._start, lambda whole: self._handed(*self._step(*self._parts(whole))[:2])
+            )
         self.begin = self._start[self.moving]
         self.carried = ca.SX.sym("carried", len(self.moving))
         self.following, self.added = self._followed(self.carried)
@@ -88,10 +90,7 @@ class Carry:
 
     def whole(self, carried: Expression) -> Expression:
         """All that is handed on, S by columns and P's upper half, of the entries that change."""
-        whole = ca.SX(self._start)
-        if self.moving:
-            whole[self.moving] = carried
-        return whole
+        return with_entries(self._start, self.moving, carried)
 
     @property
     def belief(self) -> tuple[Expression, Expression]:
@@ -178,15 +177,36 @@ class Carry:
             )
         return following, spread, added
 
-    def _find_moving(self) -> None:
-        # Entries that anywhere differ from those at a run's start, found by following them.
-        while True:
-            carried = ca.SX.sym("carried", len(self.moving))
-            entries = self._handed(*self._step(*self._parts(self.whole(carried)))[:2])
-            moving = {place for place in range(entries.numel()) if not self._stays(place, entries[place])}
-            if moving <= set(self.moving):
-                return
-            self.moving = sorted(moving | set(self.moving))
 
-    def _stays(self, place: int, entry: Expression) -> bool:
-        return bool(entry.is_constant()) and float(entry) == float(self._start[place])
+def with_entries(begin: ca.DM, places: Sequence[int], entries: Expression) -> Expression:
+    """Return a column of constants with other entries at some places.
+
+    Args:
+        begin: constants, (n,).
+        places: places of the other entries, (k,).
+        entries: these entries (SX), (k,).
+    """
+    whole = ca.SX(begin)
+    if places:
+        whole[list(places)] = entries
+    return whole
+
+
+def moving_entries(begin: ca.DM, step: Callable[[Expression], Expression]) -> list[int]:
+    """Return the places of entries that anywhere along a run differ from those where it begins.
+
+    Args:
+        begin: entries where a run begins, (n,).
+        step: function from the entries at a sample's begin to those at its end (SX).
+    """
+    places = list[int]()
+    while True:
+        entries = step(with_entries(begin, places, ca.SX.sym("carried", len(places))))
+        stays = [
+            entry.is_constant() and float(entry) == float(begin[place])
+            for place, entry in enumerate(ca.vertsplit(entries))
+        ]
+        moving = [place for place in range(len(stays)) if not stays[place] or place in places]
+        if moving == places:
+            return places
+        places = moving

@@ -9,10 +9,10 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.limit import Rows
-from oed.optimize.condensed.whole import WholeRuns
-from oed.optimize.terms.base import Terms
 from oed.optimize.terms.needs import Needs
 from oed.optimize.terms.row_bounds import RowBounds, said_once
+from oed.optimize.terms.unknowns import Unknowns
+from oed.optimize.terms.whole import LimitsOnRuns
 
 
 class FixedRows:
@@ -27,7 +27,7 @@ class FixedRows:
     """
 
     def __init__(
-        self, terms: Terms, needs: Needs, whole: WholeRuns | None, without: Mapping[int, RowBounds]
+        self, terms: Unknowns, needs: Needs, whole: LimitsOnRuns | None, without: Mapping[int, RowBounds]
     ) -> None:
         """Sort them.
 
@@ -53,7 +53,7 @@ class FixedRows:
         self.bounds, self.linear = [rows for rows, _ in by_limit], [linear for _, linear in by_limit]
 
     @staticmethod
-    def _table(terms: Terms, rows: Rows) -> tuple[Array, Array, RowBounds]:
+    def _table(terms: Unknowns, rows: Rows) -> tuple[Array, Array, RowBounds]:
         # Slopes and constants of rows that some unknown moves, each once, and their bounds.
         expression = ca.densify(rows.expression)
         steep = ca.densify(ca.jacobian(expression, terms.unknowns))

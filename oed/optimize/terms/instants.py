@@ -6,20 +6,20 @@ sample, how long after its begin, which row.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import instant_of
-from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
-from oed.optimize.condensed.differentiated import Differentiated
+from oed.optimize.terms.differentiated import Differentiated
+from oed.optimize.terms.motion_cell import MotionCell
 from oed.optimize.terms.row_bounds import RowBounds
+from oed.optimize.terms.watched import Watched, watched_systems
 
 TOGETHER = 50_000
 """Instants whose rows are computed at once: a call of a million takes gigabytes."""
@@ -33,154 +33,142 @@ mean over starts rises from 67 to 76 (of at most 85.8).
 
 
 class InstantRows:
-    """The rows that limits have of one instant: of a state, of what is held, of what the splines ask for.
+    """The rows that limits have of one instant: of x where its sample begins, of what is held, of what the
+    splines ask for.
 
     Rows are in shares of their limit's size, times `LINEAR_WEIGHT` where they are linear in the inputs.
 
     Attributes:
         limits: places of these limits among the problem's.
-        owner: of each row its limit's place, (R,).
-        lower: bounds of the rows, (R,).
-        upper: bounds of the rows, (R,).
+        owner: place of each row's limit, (R,).
+        lower: lower bounds of the rows, (R,).
+        upper: upper bounds of the rows, (R,).
         weight: what 1 is in a limit's size, (R,).
+        scenarios: the K systems that are watched.
+        systems: True for each of these that keeps a row, (R, K).
         without: sizes and units of these limits, by their places.
         asking: whether rows look at what the splines ask for at the instant.
-        size: of (state, inputs held, inputs asked for if rows look at them).
-        known: of the first two of these.
-        bent: which of the first two enter anything but linearly.
-        bent_asked: which of the inputs asked for do.
-        crossing: whether of both some do together.
+        cell: sample of the watched systems' motion; None where that of the information serves.
+        begun: number of entries of x that rows look at, from the first on.
     """
 
     def __init__(self, problem: Problem, limits: Sequence[int], scale: Array) -> None:
         """Write them; functions are made when first used.
 
         Args:
-            problem: whose limits they are.
-            limits: their places.
+            problem: problem with the limits.
+            limits: places of the limits that have rows of instants.
             scale: what an input of 1 stands for, (inputs,).
         """
-        system, space = problem.system, problem.design
-        self.limits = tuple(limits)
-        state, held, by_splines = (
-            ca.SX.sym(name, count)
-            for name, count in (
-                ("state", len(system.states)),
-                ("held", len(system.inputs)),
-                ("asked", len(system.inputs)),
-            )
-        )
-        self._elapsed = ca.SX.sym("elapsed")
+        self.limits, self.scenarios = tuple(limits), watched_systems(problem)
+        system, space = self.scenarios.system, problem.design
+        held, by_splines = (ca.SX.sym(name, len(system.inputs)) for name in ("held", "asked"))
         # Steps ask for what they hold.
         splines = space.stored_spline.degree > 0
-        instant = instant_of(
-            system,
-            state=state,
-            held=ca.DM(scale) * held,
-            parameters=ca.SX(ca.DM(system.nominal)),
-            period=self._elapsed,
-            asked=ca.DM(scale) * (by_splines if splines else held),
-            fraction=ca.SX(1),
-        )
-        by_limit = {place: problem.limits[place].rows(instant) for place in limits}
-        shares = [
-            ca.densify(ca.vec(limit_rows.expression)) / limit_rows.size for limit_rows in by_limit.values()
-        ]
+        asked = ca.DM(scale) * (by_splines if splines else held)
+        watched = Watched.of(self.scenarios, ca.DM(scale) * held, asked)
+        self._parts = watched.rows(problem, limits)
+        shares = [ca.densify(ca.vec(part.rows.expression)) / part.rows.size for part in self._parts]
         rows = ca.vertcat(ca.SX(0, 1), *shares)
+        x = watched.state
+        self.cell: MotionCell | None = None
+        if problem.robust is not None:
+            looked_at = np.array(ca.which_depends(rows, watched.sensitivities, 1, False), dtype=bool)
+            columns = np.flatnonzero(looked_at.reshape(watched.columns, len(system.states)).any(axis=1))
+            self.cell = MotionCell(
+                system, space.period, scale, columns=columns.tolist(), varied=self.scenarios.varied.size > 0
+            )
+            carried = ca.SX.sym("carried", len(self.cell.entries))
+            rows = ca.substitute(rows, watched.sensitivities, self.cell.sensitivities(carried))
+            x = ca.vertcat(x, carried)
+        self.begun = int(x.shape[0])
         self.asking = splines and bool(ca.depends_on(rows, by_splines))
-        self._unknowns = ca.vertcat(state, held, *([by_splines] if self.asking else []))
-        self.size = int(self._unknowns.shape[0])
-        self.weight = np.array([self._weight(row, state) for row in ca.vertsplit(rows)])
+        self._unknowns = ca.vertcat(x, held, *([by_splines] if self.asking else []))
+        self.weight = np.array([self._weight(row, x) for row in ca.vertsplit(rows)])
         self._rows = ca.cse(ca.DM(self.weight) * rows) if len(self.weight) else rows
-        self._bounded(by_limit)
-        self.known = int(state.shape[0] + held.shape[0])
-        self._differentiated()
+        self._constants = ca.vertcat(watched.elapsed, watched.parameters)
+        self._bounded()
 
-    def _bounded(self, by_limit: Mapping[int, Rows]) -> None:
-        # What the rows of each limit, by its place, may be.
-        counts = [len(limit_rows.lower) for limit_rows in by_limit.values()]
-        self.owner = np.repeat(np.array(list(by_limit), dtype=int), counts)
-        nothing = np.zeros(0)
+    def _bounded(self) -> None:
+        # What the rows may be.
+        parts, nothing = self._parts, np.zeros(0)
+        counts = [len(part.rows.lower) for part in parts]
+        self.owner = np.repeat(np.array([part.limit for part in parts], dtype=int), counts)
+        self._group = np.repeat(np.arange(len(parts)), counts)
+        self._kept_by = np.array([part.systems for part in parts], dtype=bool).reshape(
+            len(parts), len(self.scenarios.parameters)
+        )
+        self.systems = self._kept_by[self._group]
         self.without = {
-            place: RowBounds(nothing, nothing, limit_rows.size, limit_rows.unit)
-            for place, limit_rows in by_limit.items()
+            part.limit: RowBounds(nothing, nothing, part.rows.size, part.rows.unit) for part in parts
         }
-        scale = self.weight / np.repeat([limit_rows.size for limit_rows in by_limit.values()], counts)
-        self.lower = scale * np.concatenate(
-            [nothing, *(limit_rows.lower for limit_rows in by_limit.values())]
-        )
-        self.upper = scale * np.concatenate(
-            [nothing, *(limit_rows.upper for limit_rows in by_limit.values())]
-        )
+        scale = self.weight / np.repeat([part.rows.size for part in parts], counts)
+        self.lower = scale * np.concatenate([nothing, *(part.rows.lower for part in parts)])
+        self.upper = scale * np.concatenate([nothing, *(part.rows.upper for part in parts)])
 
-    def _differentiated(self) -> None:
-        # Of the one row that is chosen: its slope, and its second derivatives where it is bent.
-        self._chosen, self._factor = ca.SX.sym("chosen", len(self.weight)), ca.SX.sym("factor")
-        self._row = ca.dot(self._chosen, self._rows)
-        matrix, self._slope = ca.hessian(self._row, self._unknowns)
-        bent = sorted(set(matrix.sparsity().row()))
-        self.bent: list[int] = [place for place in bent if place < self.known]
-        asked_for = [place for place in bent if place >= self.known]
-        self.bent_asked = [place - self.known for place in asked_for]
-        across = matrix[self.bent, asked_for]
-        self.crossing = across.nnz() > 0
-        parts = [matrix[self.bent, self.bent], matrix[asked_for, asked_for], across]
-        self._curvature = [ca.densify(self._factor * part) for part in parts]
-
-    def _weight(self, row: ca.SX, state: ca.SX) -> float:
-        held = self._unknowns[state.shape[0] :]
-        bent = ca.depends_on(row, state) or any(ca.which_depends(row, held, 2, True))
+    def _weight(self, row: ca.SX, x: ca.SX) -> float:
+        held = self._unknowns[x.shape[0] :]
+        bent = ca.depends_on(row, x) or any(ca.which_depends(row, held, 2, True))
         return 1.0 if bent else LINEAR_WEIGHT
 
     @property
     def count(self) -> int:
-        """R."""
+        """Number of rows, R."""
         return len(self.weight)
 
     @property
-    def _arguments(self) -> list[ca.SX]:
-        return [self._unknowns, self._elapsed, self._chosen]
+    def size(self) -> int:
+        """Number of variables: x as far as rows look at it, inputs held, inputs asked for if they do."""
+        return int(self._unknowns.shape[0])
 
-    @cached_property
-    def values(self) -> ca.Function:
-        """(unknowns, time since the period's begin [s], how much of each row (R,)) -> that much."""
-        return ca.Function("instant", self._arguments, [ca.densify(self._row)])
+    @property
+    def groups(self) -> Bools:
+        """True for each row of a group of one limit's rows that the same systems keep, (groups, R)."""
+        return np.asarray(self._group == np.arange(len(self._parts))[:, None])
 
-    @cached_property
-    def slopes(self) -> ca.Function:
-        """(the same) -> derivatives (size,) by the unknowns."""
-        return ca.Function("instant_slopes", self._arguments, [ca.densify(self._slope)])
+    def by_limit(self, excess: Array) -> Array:
+        """Return the largest excess over each limit (..., limits) that the systems are to keep.
 
-    @cached_property
-    def curvature(self) -> ca.Function:
-        """(the same, a factor) -> the factor times second derivatives: by what is `bent`, by what is
-        `bent_asked`, by both.
+        Args:
+            excess: excess of each system over each group of rows, (..., K, groups).
         """
-        return ca.Function("instant_curvature", [*self._arguments, self._factor], self._curvature)
+        kept = np.where(self._kept_by.T, excess, -np.inf).max(axis=-2)
+        limits = np.array([part.limit for part in self._parts])
+        return np.stack([kept[..., limits == place].max(axis=-1) for place in self.limits], axis=-1)
 
     @cached_property
     def chosen(self) -> Differentiated:
-        """Chosen rows, of the unknowns and of (time since the period's begin [s], how much of each row)."""
-        constants = ca.vertcat(self._elapsed, self._chosen)
-        return Differentiated(self._unknowns, self._row, constants)
+        """Chosen rows, of the variables and of (constants of the instant, how much of each row)."""
+        chosen = ca.SX.sym("chosen", self.count)
+        row = ca.dot(chosen, self._rows)
+        return Differentiated(self._unknowns, row, ca.vertcat(self._constants, chosen))
 
     @cached_property
     def all_rows(self) -> ca.Function:
-        """(unknowns, time since the period's begin [s]) -> every row, (R,)."""
-        return ca.Function("instant_rows", self._arguments[:2], [ca.densify(self._rows)])
+        """(variables, constants of the instant) -> every row, (R,)."""
+        return ca.Function("instant_rows", [self._unknowns, self._constants], [ca.densify(self._rows)])
 
-    def table(self, unknowns: Array, elapsed: Array) -> Array:
-        """Return every row of instants, (K, R).
+    def constants(self, systems: Places, elapsed: Array) -> Array:
+        """Return the constants (n, c) of instants: time since the sample's begin, parameters if they differ.
 
         Args:
-            unknowns: variables of each instant, (K, size).
-            elapsed: time since its period's begin [s], (K,).
+            systems: place of each instant's system among the watched ones, (n,).
+            elapsed: time since its sample's begin [s], (n,).
         """
-        table = np.empty((len(elapsed), self.count))
-        for first in range(0, len(elapsed), TOGETHER):
+        return np.column_stack([elapsed, self.scenarios.varied[systems]])
+
+    def table(self, variables: Array, constants: Array) -> Array:
+        """Return every row of instants, (n, R).
+
+        Args:
+            variables: variables of each instant, (n, size).
+            constants: constants of each instant, (n, c).
+        """
+        table = np.empty((len(constants), self.count))
+        for first in range(0, len(constants), TOGETHER):
             portion = slice(first, first + TOGETHER)
-            (flat,) = mapped(self.all_rows, len(elapsed[portion]))(unknowns[portion], elapsed[portion])
-            table[portion] = flat.reshape(len(elapsed[portion]), self.count)
+            (flat,) = mapped(self.all_rows, len(constants[portion]))(variables[portion], constants[portion])
+            table[portion] = flat.reshape(len(constants[portion]), self.count)
         return table
 
     def exceeded(self, rows: Expression) -> Expression:

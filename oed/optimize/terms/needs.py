@@ -14,7 +14,7 @@ import numpy as np
 from oed.kernel.dynamics.embedding import Bounding
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.limit import Limit, PathLimit, Rows
+from oed.kernel.limit import Limit, Rows
 from oed.kernel.problem import Problem
 from oed.optimize.terms.small_drives import small_drive, splines_of
 
@@ -66,12 +66,12 @@ def _on_splines(problem: Problem, limit: Limit, bounding: Bounding) -> Rows | No
 
 
 def by_instants(problem: Problem, limit: Limit) -> bool:
-    """Return whether a limit has rows of every instant by itself, of the nominal robot alone.
+    """Return whether a limit has rows of every instant by itself.
 
     It says so, and its rows on a drive of two samples are its rows on each of them: the same expressions of
     the same symbols.
     """
-    if limit.looks_at != "state" or (problem.robust is not None and isinstance(limit, PathLimit)):
+    if limit.looks_at != "state":
         return False
     drive, splines = _symbolic(problem)
     rows, *by_sample = (limit.rows(part) for part in (drive, *(_sample(drive, k) for k in range(SAMPLES))))

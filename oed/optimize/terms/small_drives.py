@@ -12,19 +12,22 @@ from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
 
 
-def small_drive(problem: Problem, held: Expression, start: Expression) -> Drive:
-    """The drive of a few samples with `held` inputs (n, inputs) from a state.
+def small_drive(
+    problem: Problem, held: Expression, start: Expression, parameters: Expression | None = None
+) -> Drive:
+    """Return the drive of a few samples with held inputs from a state.
 
     Args:
-        problem: whose robot drives.
+        problem: problem with the system.
         held: inputs, (n, inputs).
         start: state, (states,).
+        parameters: parameters of the system, (p,); the nominal ones by default.
     """
     return roll_out(
         problem.system,
         inputs=held,
         start=start,
-        parameters=ca.SX(ca.DM(problem.system.nominal)),
+        parameters=ca.SX(ca.DM(problem.system.nominal)) if parameters is None else parameters,
         period=ca.SX(problem.design.period),
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -10,10 +9,9 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-from oed.optimize.terms.base import Terms
 from oed.optimize.terms.instants import LINEAR_WEIGHT
 from oed.optimize.terms.slots import Chosen
-from oed.optimize.terms.unrolled import OtherRobots
+from oed.optimize.terms.terms import Terms
 from oed.optimize.transcription.design import DesignExpressions
 
 Interval = tuple[Array, Array]
@@ -180,8 +178,7 @@ class ChainRule:
         self._x = ca.MX.sym("x", design.terms.size + auxiliary.shape[0])
         self._p = ca.MX.sym("p", frame.slots.width)
         self._z, self._auxiliary = self._x[: design.terms.size], self._x[design.terms.size :]
-        nominal, rows = self.functions.values(*self._arguments)
-        self._entries = self._by_robot(nominal, lambda robots: robots.values)
+        self._entries, rows = self.functions.values(*self._arguments)
         self._f = self._call(self._outer.target)
         self._g = ca.vertcat(self._call(self._outer.conditions), self._frame_rows(rows))
         self.program = {"x": self._x, "p": self._p, "f": self._f, "g": self._g}
@@ -202,23 +199,6 @@ class ChainRule:
         """The program's derivatives, as options of a solver."""
         return {"grad_f": self._gradient(), "jac_g": self._jacobian(), "hess_lag": self._hessian()}
 
-    def _entry_slopes(self, nominal: Expression) -> Expression:
-        return self._by_robot(nominal, lambda robots: robots.jacobian)
-
-    def _by_robot(self, nominal: Expression, function: Callable[[OtherRobots], ca.Function]) -> Expression:
-        # The blocks of every robot judged, below each other; `nominal` is the nominal robot's.
-        blocks = [nominal] * len(self._design.robots)
-        for place, robots, arguments in self._off_nominal():
-            blocks[place] = function(robots)(*arguments)
-        return ca.vertcat(*blocks)
-
-    def _off_nominal(self) -> list[tuple[int, OtherRobots, list[Any]]]:
-        # Place of every robot judged that is not the nominal one, its functions, and their arguments.
-        return [
-            (place, self._design.other_robots, [self._z, ca.DM(parameters), ca.DM(shift)])
-            for place, parameters, shift in self._design.off_nominal
-        ]
-
     def _frame_rows(self, rows: Expression) -> Expression:
         framed = self._frame.choice @ rows
         if not self._frame.relaxing:
@@ -229,43 +209,34 @@ class ChainRule:
     def _gradient(self) -> ca.Function:
         by_z, by_entries, by_auxiliary = self._call(self._outer.gradient)
         if self._outer.gradient.nnz_out(1):
-            nominal, _ = self.functions.jacobian(*self._arguments)
-            by_z += self._entry_slopes(nominal).T @ by_entries
+            by_z += self.functions.jacobian(*self._arguments)[0].T @ by_entries
         gradient = ca.densify(ca.vertcat(by_z, by_auxiliary))
         return ca.Function("grad_f", [self._x, self._p], [self._f, gradient])
 
     def _jacobian(self) -> ca.Function:
-        nominal, rows = self.functions.jacobian(*self._arguments)
+        slopes, rows = self.functions.jacobian(*self._arguments)
         by_z, by_entries, by_auxiliary = self._call(self._outer.jacobian)
         framed, count = self._frame.choice @ rows, self._auxiliary.shape[0]
         relaxed = ca.MX(framed.shape[0], count)
         if self._frame.relaxing:
             relaxed = self._frame.relaxations(self._p)
             framed, relaxed = ca.vertcat(framed, framed), ca.vertcat(-relaxed, relaxed)
-        conditions = ca.horzcat(by_z + by_entries @ self._entry_slopes(nominal), by_auxiliary)
+        conditions = ca.horzcat(by_z + by_entries @ slopes, by_auxiliary)
         jacobian = ca.vertcat(conditions, ca.horzcat(framed, relaxed))
         return ca.Function("jac_g", [self._x, self._p], [self._g, jacobian])
 
     def _hessian(self) -> ca.Function:
-        terms, outer = self._design.terms, self._outer
+        outer = self._outer
         factor, multipliers = ca.MX.sym("factor"), ca.MX.sym("multipliers", self._g.shape[0])
         on_conditions, rest = ca.vertsplit(multipliers, [0, outer.count, self._g.shape[0]])
         if self._frame.relaxing:
             lowered, raised = ca.vertsplit(rest, rest.shape[0] // 2)
             rest = lowered + raised
         weights, zz, ze, za, ee, ea, aa = self._call(outer.hessian, factor, on_conditions)
-        by_robot = ca.vertsplit(weights, terms.entry_count)
-        on_nominal = ca.MX(terms.entry_count, 1)
-        places = {place for place, *_ in self._design.off_nominal}
-        for place, weight in enumerate(by_robot):
-            on_nominal = on_nominal if place in places else on_nominal + weight
-        upper = self.functions.hessian(*self._arguments, ca.densify(on_nominal), self._frame.choice.T @ rest)
-        for place, robots, arguments in self._off_nominal():
-            upper += robots.hessian(*arguments, by_robot[place])
+        upper = self.functions.hessian(*self._arguments, weights, self._frame.choice.T @ rest)
         corner = ca.triu2symm(upper) + zz
         if outer.nonlinear:
-            nominal, _ = self.functions.jacobian(*self._arguments)
-            slope = self._entry_slopes(nominal)
+            slope, _ = self.functions.jacobian(*self._arguments)
             mixed = ze @ slope
             corner += slope.T @ ee @ slope + mixed + mixed.T
             za += slope.T @ ea

@@ -19,12 +19,12 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.coarser import coarse_samples, coarsened
-from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.optimize.terms.matrices import stacks, symmetric_all, upper_half
+from oed.optimize.terms import terms_of
+from oed.optimize.terms.matrices import stacks, symmetric_all
+from oed.optimize.terms.terms import Terms
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 
@@ -65,7 +65,8 @@ class SearchGrid:
     def _shares(self) -> Array:
         # Ratio of the information of all samples to that of the grid, for every entry, on a typical drive.
         (drive,) = random_drives(self.design, np.array([0.5]), np.random.default_rng(0))
-        fine = stacks(self._fine.entries(self.trajectory(drive))[:, None], self.design.sizes)
+        entries, _ = self._fine.values(drive)
+        fine = stacks(np.array(entries), self.design.sizes)
         coarse = self.design.matrices_of(drive)[0]
         ratios = [np.trace(stack[0]) / np.trace(matrix) for stack, matrix in zip(fine, coarse, strict=True)]
         return np.repeat(ratios, [len(matrix) * (len(matrix) + 1) // 2 for matrix in coarse])
@@ -101,60 +102,18 @@ class SearchGrid:
             return self.no_correction
         coarse, _ = self.design.terms.values(unknowns)
         coarse_slopes, _ = self.design.terms.jacobian(unknowns)
-        fine, fine_slopes = self._fine.at(self.trajectory(unknowns))
+        fine, _ = self._fine.values(unknowns)
+        fine_slopes, _ = self._fine.jacobian(unknowns)
         shares = self._shares
-        gaps = fine - shares * np.array(coarse).ravel()
-        slopes = fine_slopes - shares[:, None] * np.array(coarse_slopes)
+        gaps = np.array(fine).ravel() - shares * np.array(coarse).ravel()
+        slopes = np.array(fine_slopes) - shares[:, None] * np.array(coarse_slopes)
         return np.concatenate([gaps - slopes @ unknowns, slopes.ravel(order="F")])
 
     @cached_property
-    def _fine(self) -> FineGrid:
-        return FineGrid(self.problem, self.design)
+    def _fine(self) -> Terms:
+        # All samples, of the same unknowns.
+        return terms_of(self.problem)
 
     def trajectory(self, unknowns: Array) -> Trajectory:
         """Return the drive of z, with all samples."""
         return replace(self.design.trajectory(unknowns), samples=self.problem.design.all_samples)
-
-
-class FineGrid:
-    """Information of all samples, and its slopes by the unknowns z.
-
-    The expressions are compact, with one backward sweep for every entry of the information: memory grows in
-    proportion to the samples.
-
-    Args:
-        problem: problem with all samples.
-        design: expressions of the problem on the coarse grid.
-    """
-
-    def __init__(self, problem: Problem, design: DesignExpressions) -> None:
-        """Write the expressions and compile them."""
-        self._design, space, robot = design, problem.design, problem.system
-        self._embedding = Embedding(space, len(robot.inputs))
-        symbols, drive = any_drive(robot, space.all_samples, space.runs)
-        inputs, start, *_ = symbols
-        entries = ca.vertcat(*(upper_half(information.matrix) for information in problem.estimations(drive)))
-        weights = ca.MX.sym("weights", entries.shape[0])
-        slopes = ca.jtimes(entries, ca.vertcat(ca.vec(inputs), ca.vec(start)), weights, True)
-        self._constants = [robot.nominal, space.period]
-        self._values = ca.Function("fine", symbols, [entries])
-        self._slopes = ca.Function("fine_slopes", [*symbols, weights], [slopes])
-
-    def entries(self, drive: Trajectory) -> Array:
-        """Return the entries (e,) of the information."""
-        return np.array(self._values(drive.inputs, drive.starts, *self._constants)).ravel()
-
-    def at(self, drive: Trajectory) -> tuple[Array, Array]:
-        """Return the entries (e,) of the information, and their derivatives (e, n) by z."""
-        entries, arguments = self.entries(drive), [drive.inputs, drive.starts, *self._constants]
-        slopes = (np.array(self._slopes(*arguments, weights)).ravel() for weights in np.eye(len(entries)))
-        return entries, np.array([self._by_unknowns(slope) for slope in slopes])
-
-    def _by_unknowns(self, slope: Array) -> Array:
-        # The chain rule takes slopes by the held inputs and start states to slopes by z.
-        embedding, scale = self._embedding, self._design.terms.input_scale
-        held = embedding.inputs * embedding.space.all_samples
-        by_inputs = slope[:held].reshape((-1, embedding.inputs), order="F")
-        by_coefficients = embedding.by_unknowns(by_inputs) * embedding.spread(scale)
-        by_start = slope[held:].reshape((embedding.space.runs, -1), order="F")
-        return np.concatenate([by_coefficients, self._design.problem.starts.by_unknowns(by_start)])

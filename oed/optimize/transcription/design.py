@@ -16,9 +16,8 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.base import Terms
 from oed.optimize.terms.matrices import stacks, symmetric_all
-from oed.optimize.terms.unrolled import OtherRobots, Unrolled
+from oed.optimize.terms.terms import Terms
 
 UNSOUND = 1e3
 """Share of its size by which a drive that is not finite exceeds every limit."""
@@ -44,10 +43,9 @@ class DesignExpressions:
         self.problem = problem
         self.terms: Terms = terms_of(problem, refine)
         self.sizes = self.terms.sizes
-        count = self.terms.entry_count
-        symbols = [ca.SX.sym("entries", count) for _ in problem.judged_systems]
-        self.entries = ca.vertcat(*symbols)
-        self.robots = [symmetric_all(entries, self.sizes) for entries in symbols]
+        self.entries = ca.SX.sym("entries", self.terms.entry_count)
+        count = self.terms.entry_count // len(problem.judged_systems)
+        self.robots = [symmetric_all(part, self.sizes) for part in ca.vertsplit(self.entries, count)]
 
     @cached_property
     def coefficient_bounds(self) -> Array:
@@ -58,22 +56,6 @@ class DesignExpressions:
     def ranges(self) -> Array:
         """Bounds (inputs, 2) of the inputs, in units of each input's largest."""
         return np.asarray(self.problem.input_bounds / self.terms.input_scale[:, None])
-
-    @cached_property
-    def off_nominal(self) -> list[tuple[int, Array, Array]]:
-        """Robots judged that are not the nominal one: place, parameters (p,), shift of the start states."""
-        nominal = np.array(self.problem.system.nominal)
-        return [
-            (place, parameters, shift)
-            for place, (parameters, shift) in enumerate(self.problem.judged_systems)
-            if shift.any() or not np.array_equal(parameters, nominal)
-        ]
-
-    @cached_property
-    def other_robots(self) -> OtherRobots:
-        """Functions for the information of robots that are not the nominal one."""
-        assert isinstance(self.terms, Unrolled)
-        return OtherRobots(self.problem, self.terms)
 
     def trajectory(self, unknowns: Array) -> Trajectory:
         """Return the drive of z."""
@@ -138,12 +120,8 @@ class DesignExpressions:
 
     def _judge(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # Matrices (K, p, p) of every robot, and the excess over limits in shares of their size.
-        count = len(candidates)
-        nominal, excess = self.terms.scored(candidates, threads)
-        robots = [stacks(nominal.T, self.sizes)] * len(self.robots)
-        for place, parameters, shift in self.off_nominal:
-            values = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
-            robots[place] = stacks(np.array(values(candidates.T, parameters, shift)), self.sizes)
+        entries, excess = self.terms.scored(candidates, threads)
+        robots = [stacks(part.T, self.sizes) for part in np.split(entries, len(self.robots), axis=1)]
         return _finite(robots, excess)
 
 

@@ -13,7 +13,6 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import D, E
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
-from oed.optimize.condensed.terms import condensable
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Poses, RelativePoses, Several
 
@@ -78,7 +77,6 @@ def test_a_criterion_may_ask_for_them_alone():
     found = oed.evaluate(problem, driven(problem))
     expected = np.linalg.inv(covariance(problem, "sensor_x", "sensor_y") / np.outer([0.1, 0.04], [0.1, 0.04]))
     assert found.objective == pytest.approx(np.linalg.eigvalsh(expected)[0], rel=1e-8)
-    assert condensable(problem)
 
 
 @pytest.mark.slow

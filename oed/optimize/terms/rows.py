@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.optimize.condensed.point import ChosenRows, CondensedParts, DriveAt
 from oed.optimize.terms.fixed_rows import FixedRows
+from oed.optimize.terms.point import ChosenRows, CondensedParts, DriveAt
 
 
 class RowEntries:
@@ -20,13 +20,13 @@ class RowEntries:
 
     def __init__(self, fixed: FixedRows, parts: CondensedParts, slots: int) -> None:
         """Lay them out, with so many slots."""
-        self._fixed, self._on_runs = fixed, parts.whole
+        self._fixed, self._on_runs = fixed, parts.limits
         self._linear, self._order = len(fixed.constant), np.array(fixed.order, dtype=int)
         self.count, size = len(self._order) + slots, parts.size
         linear = ca.sparsify(ca.DM(fixed.slope)) if self._linear else ca.DM(0, size)
         patterns = [ca.DM(linear.sparsity(), 1.0)]
-        if parts.whole is not None:
-            patterns.append(ca.DM(parts.whole.pattern, 1.0))
+        if parts.limits is not None:
+            patterns.append(ca.DM(parts.limits.pattern, 1.0))
         all_rows = ca.vertcat(*patterns)[fixed.order, :] if self._order.size else ca.DM(0, size)
         pattern = ca.vertcat(all_rows, ca.DM.ones(slots, size))
         self.pattern: ca.Sparsity = pattern.sparsity()

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, problem_of
-from some_instants import SLOTS, numbers_of
+from some_instants import SLOTS, chosen_of, numbers_of
+from written_out import WrittenOut
 
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
@@ -17,11 +18,9 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
-from oed.optimize.condensed.terms import Condensed, condensable
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.needs import by_instants, needs_of
-from oed.optimize.terms.unrolled import Unrolled
-from oed.optimize.terms.whole_rows import Formulas
+from oed.optimize.terms.terms import Terms
 from oed.robots.limits import (
     BodySpeed,
     EndHeading,
@@ -293,6 +292,57 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "limits": (SPEED, YawRate(bounds=2), BOX, Power(), Effort()),
     },
 }
+WIDTHS = {"track": 0.05, "wheel_radius_left": 0.03}
+UNCERTAIN: dict[str, Any] = {
+    "criterion": E(scaling="relative"),
+    "measurement": POSES,
+    "uncertainty": Uncertainty(within=WIDTHS),
+    "robust": Robust(),
+}
+PROBLEMS |= {
+    "unequal segments": {"measurement": Displacements(segments=5)},
+    "shared noise": {"measurement": Displacements(segments=4, noise_model="absolute")},
+    "shared noise of runs from free starts": {
+        "measurement": Displacements(segments=4, noise_model="absolute"),
+        "design": FREE_RUNS,
+        "limits": EVERYTHING,
+    },
+    "readings across samples": {"measurement": RelativePoses(noise=NOISE, every=2)},
+    "robust": UNCERTAIN,
+    "robust, of runs from uncertain free starts": {
+        **UNCERTAIN,
+        "uncertainty": Uncertainty(within={**WIDTHS, "x": 0.02, "heading": 0.05}),
+        "design": FREE_RUNS,
+        "limits": (*EVERYTHING, PathLength(bounds=3)),
+    },
+    "robust for robots that drive": {**UNCERTAIN, "robust": Robust(kind="scenarios")},
+    "robust for the worst of robots": {
+        **UNCERTAIN,
+        "robust": Robust(kind="scenarios", objective="worst"),
+        "uncertainty": Uncertainty(within={**WIDTHS, "y": 0.02}),
+        "limits": (*EVERYTHING[:4], PathLength(bounds=3), BOX),
+    },
+    "robust for the mean, and another robot": {
+        **UNCERTAIN,
+        "robust": Robust(objective="mean", added_scenarios=((RADIUS * 1.02, TRACK * 0.97),)),
+        "design": space(runs=2),
+    },
+    "robust for the mean, of segments": {
+        **UNCERTAIN,
+        "measurement": Displacements(segments=4, noise=NOISE),
+        "robust": Robust(objective="mean"),
+    },
+    "robust for the mean, of shared noise": {
+        **UNCERTAIN,
+        "measurement": RelativePoses(noise=NOISE, every=2),
+        "robust": Robust(objective="mean"),
+    },
+    "robust lag": {
+        **UNCERTAIN,
+        "model": SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, yaw_lag=0.3),
+        "limits": (SPEED, YawRate(bounds=2), BOX),
+    },
+}
 
 
 small_problem = partial(problem_of, **SPACE)
@@ -314,14 +364,15 @@ def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
 )
 def test_they_say_what_the_whole_drive_says(overrides: dict[str, Any]):
     problem = small_problem(**overrides)
-    agree(problem, Condensed(problem), Unrolled(problem))
+    agree(problem, Terms(problem), WrittenOut(problem))
 
 
 @pytest.mark.slow
 def test_a_slope_that_is_not_finite_spoils_no_other_limit():
     problem = small_problem(limits=(Step(), SPEED, Mean()), design=space(rest_to_rest=False))
-    both = Condensed(problem), Unrolled(problem)
-    found, expected = (np.array(ca.densify(terms.jacobian(np.zeros(terms.size))[1])) for terms in both)
+    terms = Terms(problem)
+    both = terms.jacobian, WrittenOut(problem).functions().jacobian
+    found, expected = (np.array(ca.densify(slopes(np.zeros(terms.size))[1])) for slopes in both)
     spoilt = np.isnan(expected).any(axis=1)
     assert 0 < spoilt.sum() < len(spoilt)
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), spoilt)
@@ -332,8 +383,8 @@ def test_second_derivatives_with_more_entries_in_a_row_than_unknowns_are_not_col
     monkeypatch: pytest.MonkeyPatch,
 ):
     # It would take as long as the number of samples, cubed.
-    monkeypatch.setattr(Formulas, "colours", property(lambda _: pytest.fail("coloured")))
-    condensed = Condensed(small_problem(limits=(Effort(), SPEED)))
+    monkeypatch.setattr(ca.Sparsity, "uni_coloring", lambda _: pytest.fail("coloured"))
+    condensed = Terms(small_problem(limits=(Effort(), SPEED)))
     rows = sum(len(one.lower) for one in condensed.rows)
     condensed.hessian(np.zeros(condensed.size), np.ones(condensed.entry_count), np.ones(rows))
 
@@ -342,10 +393,10 @@ def test_second_derivatives_with_more_entries_in_a_row_than_unknowns_are_not_col
 @pytest.mark.parametrize("limits", [EVERYTHING, (*OWN, Unsaid())])
 def test_so_do_drives_limited_between_the_samples(limits: tuple[Limit, ...]):
     problem = small_problem(limits=limits, design=FREE_RUNS)
-    agree(problem, Condensed(problem, 3), Unrolled(problem, 3))
+    agree(problem, Terms(problem, 3), WrittenOut(problem, 3))
 
 
-def agree(problem: Problem, condensed: Condensed, whole: Unrolled) -> None:
+def agree(problem: Problem, condensed: Terms, whole: WrittenOut) -> None:
     rng = np.random.default_rng(0)
     assert (condensed.size, condensed.sizes) == (whole.size, whole.sizes)
     assert condensed.linear == whole.linear
@@ -356,50 +407,26 @@ def agree(problem: Problem, condensed: Condensed, whole: Unrolled) -> None:
     z = rng.uniform(-0.8, 0.8, whole.size)
     for found, expected in zip(condensed.scored(z[None]), whole.scored(z[None]), strict=True):
         assert_close(found, expected)
-    numbers = numbers_of(condensed, rng)
-    own, others = condensed.functions(SLOTS), whole.functions(SLOTS)
-    for found, expected in zip(own.values(z, numbers), others.values(z, numbers), strict=True):
+    chosen = chosen_of(condensed, rng)
+    slots = 0 if chosen is None else SLOTS
+    own, others = condensed.functions(slots), whole.functions(condensed, chosen, slots)
+    numbers = [] if chosen is None else [chosen.numbers(slots)]
+    for found, expected in zip(own.values(z, *numbers), others.values(z), strict=True):
         assert_close(found, expected)
-    for found, expected in zip(own.jacobian(z, numbers), others.jacobian(z, numbers), strict=True):
-        assert_close(found, expected)
-    rows = SLOTS + sum(len(one.lower) for one in whole.rows)
+    for found, expected in zip(own.jacobian(z, *numbers), others.jacobian(z), strict=True):
+        assert_close(ca.densify(found), expected)
+    rows = slots + sum(len(one.lower) for one in whole.rows)
     weights = rng.normal(size=whole.entry_count), rng.normal(size=rows)
     for entries in (0, 1):
         for limits in (0, 1):
-            given = numbers, entries * weights[0], limits * weights[1]
-            assert_close(own.hessian(z, *given), others.hessian(z, *given))
+            both = entries * weights[0], limits * weights[1]
+            assert_close(own.hessian(z, *numbers, *both), others.hessian(z, *both))
 
 
 @pytest.mark.slow
-def test_second_derivatives_by_directions_are_those_of_all_at_once(monkeypatch: pytest.MonkeyPatch):
-    """Of problems with millions of operations, of which all at once took gigabytes."""
-    problem, rng = small_problem(limits=(SPEED, Lagging())), np.random.default_rng(0)
-    terms = Unrolled(problem)
-    z, numbers = rng.uniform(-0.8, 0.8, terms.size), numbers_of(terms, rng)
-    weights = rng.normal(size=terms.entry_count), rng.normal(size=terms.functions(SLOTS).hessian.size1_in(3))
-    found = []
-    for large in (0, 10**9):
-        monkeypatch.setattr("oed.optimize.terms.unrolled.LARGE", large)
-        found.append(
-            [
-                np.array(Unrolled(problem).functions(SLOTS).hessian(z, numbers, *given))
-                for given in (weights, (weights[0], 0), (0, weights[1]))
-            ]
-        )
-    assert all(map(np.any, found[0]))
-    for one, other in zip(*found, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [Condensed, Unrolled])
-@pytest.mark.parametrize(
-    ("limits", "crossing"), [((Lagging(),), True), ((BodySpeed(bounds=0.4), BOX), False)]
-)
-def test_rows_of_instants_bend_as_their_slopes_change(kind: type, limits: tuple[Limit, ...], crossing: bool):
-    problem = small_problem(limits=(SPEED, *limits), design=space(runs=2))
-    terms = kind(problem)
-    assert terms.instants.crossing == crossing
+@pytest.mark.parametrize("limits", [(Lagging(),), (BodySpeed(bounds=0.4), BOX)])
+def test_rows_of_instants_bend_as_their_slopes_change(limits: tuple[Limit, ...]):
+    terms = Terms(small_problem(limits=(SPEED, *limits), design=space(runs=2)))
     rng = np.random.default_rng(2)
     z, numbers = rng.uniform(-0.8, 0.8, terms.size), numbers_of(terms, rng)
     own = terms.functions(SLOTS)
@@ -440,40 +467,15 @@ def test_a_lag_has_two_motions_in_a_sample():
     assert terms_of(lag).instants.asking is False
 
 
-@pytest.mark.parametrize("limit", [EndPosition(at="start"), PathLength(bounds=3), Unsaid(), Bend()])
-def test_a_limit_on_whole_runs_leaves_the_rest_condensed(limit: Limit):
-    assert condensable(small_problem(limits=(SPEED, BOX, limit)))
-
-
 @pytest.mark.slow
 def test_scores_and_bounded_unknowns_agree():
     problem = small_problem(limits=(*EVERYTHING, *WHOLE_RUNS[::2]))
-    condensed, whole = Condensed(problem), Unrolled(problem)
+    condensed, whole = Terms(problem), WrittenOut(problem)
     z = np.random.default_rng(1).uniform(-3, 3, (5, whole.size))
     for found, expected in zip(condensed.scored(z), whole.scored(z), strict=True):
         assert_close(found, expected)
     for found, expected in zip(condensed.bounded_unknowns, whole.bounded_unknowns, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-
-
-WHOLE: dict[str, dict[str, Any]] = {
-    "unequal segments": {"measurement": Displacements(segments=5)},
-    "shared noise": {"measurement": Displacements(segments=4, noise_model="absolute")},
-    "readings across samples": {"measurement": RelativePoses(noise=NOISE, every=2)},
-    "robust": {
-        "criterion": E(scaling="relative"),
-        "measurement": POSES,
-        "uncertainty": Uncertainty(within={"track": 0.05}),
-        "robust": Robust(),
-    },
-}
-
-
-@pytest.mark.parametrize("overrides", WHOLE.values(), ids=WHOLE.keys())
-def test_other_drives_are_written_out(overrides: dict[str, Any]):
-    problem = small_problem(**overrides)
-    assert not condensable(problem)
-    assert isinstance(terms_of(problem), Unrolled)
 
 
 @pytest.mark.parametrize(
@@ -495,7 +497,6 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
         limits = (SPEED, ACCELERATION, BOX, *more)
         problem = small_problem(measurement=measurement, samples=samples, limits=limits)
         terms = terms_of(problem)
-        assert isinstance(terms, Condensed)
         counts.append(terms.written)
     assert counts[1] <= counts[0] + 20
     assert (len(terms.rows[2].lower), terms.instants.count) == (0, 2 if not more else terms.instants.count)
@@ -504,14 +505,14 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
 @pytest.mark.slow
 def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():
     problem = small_problem(limits=(WheelSpeed(bounds=(-2, 8)), BOX))
-    z = np.random.default_rng(2).uniform(-1, 1, Unrolled(problem).size)
-    assert_close(terms_of(problem).values(z)[0], Unrolled(problem).values(z)[0])
+    z = np.random.default_rng(2).uniform(-1, 1, WrittenOut(problem).size)
+    assert_close(terms_of(problem).values(z)[0], WrittenOut(problem).functions().values(z)[0])
 
 
 @pytest.mark.slow
 def test_input_limits_alone_leave_no_rows_of_instants():
     problem = small_problem(limits=input_limits, measurement=POSES)
-    condensed, whole = terms_of(problem), Unrolled(problem)
-    z, rows = np.full(whole.size, 0.3), sum(len(one.lower) for one in whole.rows)
-    assert_close(condensed.jacobian(z)[1], whole.jacobian(z)[1])
-    assert_close(condensed.hessian(z, 1, np.ones(rows)), whole.hessian(z, 1, np.ones(rows)))
+    terms, whole = terms_of(problem), WrittenOut(problem).functions()
+    z, rows = np.full(terms.size, 0.3), sum(len(one.lower) for one in terms.rows)
+    assert_close(terms.jacobian(z)[1], whole.jacobian(z)[1])
+    assert_close(terms.hessian(z, 1, np.ones(rows)), whole.hessian(z, 1, np.ones(rows)))

@@ -13,9 +13,9 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import start_nuisances
 from oed.kernel.measurement.readings import labelled_nuisances
 from oed.kernel.problem import Problem
-from oed.optimize.condensed.differentiated import Differentiated
-from oed.optimize.terms.cell import cuts_of, estimated
+from oed.optimize.terms.differentiated import Differentiated
 from oed.optimize.terms.matrices import symmetric, upper_halves
+from oed.optimize.terms.sample_cell import cuts_of, estimated
 from oed.optimize.terms.small_drives import small_drive
 
 Reader = Callable[[Sequence[int]], Expression]
