@@ -48,9 +48,7 @@ class _Formulas:
         instants = sensor.instants(samples)
         each = [states[:, columns] for columns in instants]
         held = [inputs[:, [min(column, samples - 1) for column in columns]] for columns in instants]
-        lasting = {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[
-            sensor.when
-        ] * period
+        lasting = sensor.lasting * period
         none = ca.DM.zeros(count * len(instants), size + count)
         rest = (ca.DM(system.nominal), own)
         reading = moment_reading(sensor, system).map(len(instants[0]))

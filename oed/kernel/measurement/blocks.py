@@ -70,7 +70,7 @@ class Block(Brief):
 
     @property
     def raw(self) -> bool:
-        """True if `scaling: none` leaves the noise out, as the paper does of its regressions."""
+        """True for regressions, whose noise a criterion without scaling leaves out, as the paper does."""
         return self.design_matrix is not None
 
     @property
@@ -90,7 +90,7 @@ class Block(Brief):
         return [*map(self.parameters.index, names), *range(first, first + len(self.nuisances))]
 
     def information(self, places: Sequence[int]) -> Expression:
-        """Return the information on the unknowns of some columns, all others known, times `noise`^2."""
+        """Return information on the unknowns of some columns, all others known, times the noise squared."""
         columns = self.jacobian[:, list(places)]
         square = columns.T @ columns
         if self.shared is not None:

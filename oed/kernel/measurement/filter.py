@@ -43,6 +43,11 @@ class Linear(NamedTuple):
     step_through: Expression
     errors: Expression
 
+    def moved(self, slopes: Expression, covariance: Expression) -> tuple[Expression, Expression]:
+        """Return D and P at the next sample, from both of (states, errors) after the readings."""
+        onward = self.step_through
+        return onward @ slopes + self.step_direct, onward @ covariance @ onward.T
+
 
 class Filter:
     """Kalman filter for the readings of every period; its functions are made when first used.
@@ -66,61 +71,60 @@ class Filter:
         self.memories = memories_of(sensors)
         self.size, self._own = len(system.parameters), len(system.states)
         self.states = self._own * (1 + len(self.memories))
-        nuisances = [nuisance.nominal for sensor in sensors for nuisance in sensor.nuisances]
-        self._nominal = ca.DM(nuisances).reshape((len(nuisances), 1))
-        self.width = self.size + self._own + len(nuisances)
-        self._moment = [ca.SX.sym("states", self.states), *step_symbols(system)[1:]]
-        self._constants = ca.SX.sym("nuisances", len(nuisances))
-        self._reads = ca.SX.sym("reads", len(sensors) + len(self.memories))
+        self._nominal = [nuisance.nominal for sensor in sensors for nuisance in sensor.nuisances]
+        self.width = self.size + self._own + len(self._nominal)
         start = np.eye(self.states, self.width, self.size)
         start[self._own :] = 0.0
         self.begin = ca.DM(start), ca.DM.zeros(self.states, self.states)
-        self._linear = self._linearised()
         self.rows = tuple(reader(sensor, system).size1_out(0) for sensor in sensors)
+        self._heights = np.repeat(np.arange(len(sensors)), self.rows).tolist()
+        self._linear = self._linearised()
 
     def _linearised(self) -> ca.Function:
         # (states, inputs, parameters, period, nuisances) -> all of `Linear`, readings and their whitening.
-        state, inputs, parameters, duration = self._moment
-        errors, own_state = ca.SX.sym("errors", self.noise.size), state[: self._own, :]
-        period = Period(self.system, own_state, inputs, parameters, duration)
-        following = self.noise.step(period, errors)
-        readings, whitenings, first = [], [], 0
-        for sensor in self.sensors:
+        state, constants = ca.SX.sym("states", self.states), ca.SX.sym("nuisances", len(self._nominal))
+        _, inputs, parameters, duration = step_symbols(self.system)
+        now, *remembered = ca.vertsplit(state, self._own)
+        period = Period(self.system, now, inputs, parameters, duration)
+        errors = ca.SX.sym("errors", self.noise.size)
+        following, begins = self.noise.step(period, errors), dict(zip(self.memories, remembered, strict=True))
+        edges = np.cumsum([0, *(len(sensor.nuisances) for sensor in self.sensors)]).tolist()
+        pairs = []
+        for sensor, own_constants in zip(self.sensors, ca.vertsplit(constants, edges), strict=True):
             read = reader(sensor, self.system, self.noise.signal)
-            constants = self._constants[first : first + len(sensor.nuisances), :]
-            first += len(sensor.nuisances)
-            states, held, lasting, error = own_state, inputs, ca.SX(0), ca.SX.zeros(read.size1_in(5))
+            states, held, error = now, inputs, ca.SX.zeros(read.size1_in(5))
             if sensor.when == "between samples":
-                begin = self._own * (self.memories.index(sensor.every) + 1 if sensor.every > 1 else 0)
-                states, held = (
-                    ca.vertcat(following, state[begin : begin + self._own, :]),
-                    ca.repmat(inputs, 2),
-                )
-                lasting = sensor.every * duration
-            elif sensor.when == "in periods":
-                lasting, error = duration, errors[: error.shape[0], :] / duration
-            reading, whitening = read(states, held, parameters, constants, lasting, error)
-            readings.append(reading)
-            whitenings.append(whitening)
+                states, held = ca.vertcat(following, begins.get(sensor.every, now)), ca.repmat(inputs, 2)
+            elif sensor.when == "in periods" and self.noise.signal:
+                error = errors / duration
+            pairs.append(read(states, held, parameters, own_constants, sensor.lasting * duration, error))
+        readings, whitenings = zip(*pairs, strict=True)
         reading, whitening = ca.vertcat(*readings), ca.diagcat(*whitenings)
-        after = ca.vertcat(following, state[self._own :, :])
-        results = []
-        for slopes in (whitening @ self._slopes(reading, errors), self._slopes(after, errors)):
-            by_parameters, through, by_constants = ca.horzsplit(
-                slopes, [0, self.size, self.size + self.states + self.noise.size, slopes.shape[1]]
-            )
-            no_start = ca.SX(slopes.shape[0], self._own)
+        unknowns, results = ca.vertcat(parameters, state, errors, constants), []
+        edges = [0, self.size, self.size + self.states + self.noise.size, unknowns.shape[0]]
+        for part, weights in ((reading, whitening), (ca.vertcat(following, *remembered), 1)):
+            slopes = ca.mtimes(weights, ca.jacobian(part, unknowns))
+            by_parameters, through, by_constants = ca.horzsplit(slopes, edges)
+            no_start = ca.SX(part.shape[0], self._own)
             results += [ca.horzcat(by_parameters, no_start, by_constants), through]
         # How far a process errs is known beforehand, at the nominal parameters.
         nominal = period._replace(parameters=ca.SX(ca.DM(self.system.nominal)))
         results += [ca.SX(self.noise.covariance(nominal)), reading, whitening]
         still = ca.SX.zeros(self.noise.size)
         linear = [ca.sparsify(ca.substitute(result, errors, still)) for result in results]
-        return ca.Function("linear", [*self._moment, self._constants], ca.cse(linear))
+        return ca.Function("linear", [state, inputs, parameters, duration, constants], ca.cse(linear))
 
-    def _slopes(self, values: Expression, errors: Expression) -> Expression:
-        state, _, parameters, _ = self._moment
-        return ca.jacobian(values, ca.vertcat(parameters, state, errors, self._constants))
+    def _at(self, moment: Sequence[Expression], columns: Sequence[int] | slice = slice(None)) -> Linear:
+        # A period at the nuisances' nominal values, by some of the unknowns.
+        linear = Linear(*self._linear(*moment, self._nominal)[:5])
+        return linear._replace(direct=linear.direct[:, columns], step_direct=linear.step_direct[:, columns])
+
+    def _symbols(self, width: int) -> list[ca.SX]:
+        # D, P, states, inputs, parameters, period and reads.
+        shapes = (self.states, width), (self.states, self.states), (self.states, 1)
+        belief = [ca.SX.sym("belief", *shape) for shape in shapes]
+        reads = ca.SX.sym("reads", len(self.sensors) + len(self.memories))
+        return [*belief, *step_symbols(self.system)[1:], reads]
 
     @cached_property
     def period(self) -> ca.Function:
@@ -130,11 +134,9 @@ class Filter:
         `reads` is 1 for each sensor that reads and each memory that begins, else 0. At the end of a run only
         the readings have a meaning.
         """
-        slopes, covariance = ca.SX.sym("D", self.states, self.width), self._covariance
-        linear = Linear(*self._linear(*self._moment, self._nominal)[:5])
-        results = self._stepped(slopes, covariance, linear)
-        arguments = [slopes, covariance, *self._moment, self._reads]
-        return ca.Function("filter", arguments, ca.cse([ca.densify(result) for result in results]))
+        slopes, covariance, *moment, reads = arguments = self._symbols(self.width)
+        results = self._stepped(slopes, covariance, self._at(moment), reads)
+        return ca.Function("filter", arguments, ca.cse(list(map(ca.densify, results))))
 
     @cached_property
     def tracking(self) -> ca.Function:
@@ -145,29 +147,25 @@ class Filter:
         n + 1), then derivatives of the next column and of innovations by a column, (states, states), (rows,
         states).
         """
-        slopes, covariance = ca.SX.sym("D", self.states, self.width + 1), self._covariance
-        measured, following = ca.SX.sym("measured", sum(self.rows)), ca.SX.sym("following", self._own)
-        *matrices, reading, whitening = self._linear(*self._moment, self._constants)
-        linear = Linear(*matrices)
-        state, *held = self._moment
-        gap = stepper(self.system)(state[: self._own, :], *held) - following
+        count = self.width + 1
+        slopes, covariance, *moment, reads = arguments = self._symbols(count)
+        constants = ca.SX.sym("nuisances", len(self._nominal))
+        measured = ca.SX.sym("measured", sum(self.rows))
+        following = ca.SX.sym("following", self._own)
+        *matrices, reading, whitening = self._linear(*moment, constants)
+        linear, off = Linear(*matrices), -whitening @ self._residual(measured, reading)
+        gap = stepper(self.system)(moment[0][: self._own, :], *moment[1:]) - following
         gap = ca.vertcat(gap, ca.SX(self.states - self._own, 1))
         # Columns of the identity show what becomes of any.
-        misfit, none = -whitening @ self._residual(measured, reading), ca.SX(self.states, self.states)
         extended = linear._replace(
-            direct=ca.horzcat(linear.direct, misfit, ca.SX(misfit.shape[0], self.states)),
-            step_direct=ca.horzcat(linear.step_direct, gap, none),
+            direct=ca.horzcat(linear.direct, off, ca.SX(off.shape[0], self.states)),
+            step_direct=ca.horzcat(linear.step_direct, gap, ca.SX(self.states, self.states)),
         )
-        after, *spread, rows = self._stepped(ca.horzcat(slopes, ca.SX.eye(self.states)), covariance, extended)
-        edges = [0, self.width + 1, after.shape[1]]
-        (after, onward), (rows, seen) = ca.horzsplit(after, edges), ca.horzsplit(rows, edges)
-        arguments = [slopes, covariance, *self._moment, self._reads, self._constants, measured, following]
-        results = [ca.densify(result) for result in (after, *spread, rows, onward, seen)]
-        return ca.Function("tracking", arguments, ca.cse(results))
-
-    @property
-    def _covariance(self) -> Expression:
-        return ca.SX.sym("P", self.states, self.states)
+        columns = ca.horzcat(slopes, ca.SX.eye(self.states))
+        after, spread, rows = self._stepped(columns, covariance, extended, reads)
+        results = [after[:, :count], spread, rows[:, :count], after[:, count:], rows[:, count:]]
+        arguments += [constants, measured, following]
+        return ca.Function("tracking", arguments, ca.cse(list(map(ca.densify, results))))
 
     def _residual(self, measured: Expression, reading: Expression) -> Expression:
         # Measured less predicted readings; angles up to full turns.
@@ -180,11 +178,10 @@ class Filter:
         return residual
 
     def _stepped(
-        self, slopes: Expression, covariance: Expression, linear: Linear
+        self, slopes: Expression, covariance: Expression, linear: Linear, reads: Expression
     ) -> tuple[Expression, Expression, Expression]:
         # D and P at the next sample, and whitened innovations: one number after the other, however many.
-        slopes, covariance = self._begun(slopes, covariance, self._reads, linear.errors)
-        direct, through = self._read(linear, self._reads)
+        slopes, covariance, direct, through = self._begun(slopes, covariance, linear, reads)
         rows = []
         for row in range(direct.shape[0]):
             slope = ca.sparsify(through[row, :])
@@ -193,34 +190,28 @@ class Filter:
             rows.append((slope @ slopes + direct[row, :]) / root)
             gain = gained / root
             slopes, covariance = slopes - gain @ rows[-1], covariance - gain @ gain.T
-        return *_moved(slopes, covariance, linear), ca.vertcat(*rows)
-
-    def _read(self, linear: Linear, reads: Expression) -> tuple[Expression, Expression]:
-        # Slopes of the readings that there are.
-        heights = np.repeat(np.arange(len(self.rows)), self.rows).tolist()
-        chosen = ca.diag(reads[heights])
-        return chosen @ linear.direct, chosen @ linear.through
+        return *linear.moved(slopes, covariance), ca.vertcat(*rows)
 
     def _begun(
-        self, slopes: Expression, covariance: Expression, reads: Expression, errors: Expression
-    ) -> tuple[Expression, Expression]:
-        # D and P of (states, errors), with the states that are remembered from now on. A covariance is taken
-        # by its upper half, lest rounding bend it.
+        self, slopes: Expression, covariance: Expression, linear: Linear, reads: Expression
+    ) -> tuple[Expression, Expression, Expression, Expression]:
+        # D and P of (states, errors), with the states that are remembered from now on, and slopes of what is
+        # read. A covariance is taken by its upper half, lest rounding bend it.
         covariance = ca.triu2symm(ca.triu(covariance))
         if self.memories:
             turning = self._turning(reads)
             slopes = turning @ slopes
             covariance = ca.triu2symm(ca.triu(turning @ covariance @ turning.T))
-        still = ca.SX(errors.shape[0], slopes.shape[1])
-        return ca.vertcat(slopes, still), ca.diagcat(covariance, errors)
+        still, chosen = ca.SX(linear.errors.shape[0], slopes.shape[1]), ca.diag(reads[self._heights])
+        begun = ca.vertcat(slopes, still), ca.diagcat(covariance, linear.errors)
+        return *begun, chosen @ linear.direct, chosen @ linear.through
 
     def _turning(self, reads: Expression) -> Expression:
         # From all states to those with the memories that begin.
         begins = reads[len(self.sensors) :, :]
-        replaced = ca.vertcat(ca.SX.eye(1), begins)
-        lasting = ca.diag(ca.vertcat(0, 1 - begins))
-        first = ca.horzcat(replaced, ca.SX(replaced.shape[0], begins.shape[0]))
-        return ca.kron(ca.sparsify(first + lasting), ca.SX.eye(self._own))
+        turning = ca.diag(ca.vertcat(1, 1 - begins))
+        turning[1:, 0] = begins
+        return ca.kron(ca.sparsify(turning), ca.SX.eye(self._own))
 
     def begun(self, states: Expression, reads: Expression) -> Expression:
         """Return all states, or rows for them, with those remembered that begin to be (SX).
@@ -246,10 +237,7 @@ class Filter:
             reads: 1 for each sensor that reads and each memory that begins, else 0.
             columns: places of those unknowns.
         """
-        linear = Linear(*self._linear(*moment, self._nominal)[:5])
-        direct, through = self._read(linear, reads)
-        slopes, covariance = self._begun(belief[0], belief[1], reads, linear.errors)
-        return Update(slopes, covariance, direct[:, list(columns)], through)
+        return Update(*self._begun(belief[0], belief[1], self._at(moment, columns), reads))
 
     def moved(
         self, belief: Sequence[Expression], moment: Sequence[Expression], columns: Sequence[int]
@@ -261,19 +249,12 @@ class Filter:
             moment: states, inputs, parameters and period.
             columns: places of the unknowns in D.
         """
-        linear = Linear(*self._linear(*moment, self._nominal)[:5])
-        chosen = linear._replace(step_direct=linear.step_direct[:, list(columns)])
-        return _moved(belief[0], belief[1], chosen)
+        return self._at(moment, columns).moved(belief[0], belief[1])
 
     def remembering(self, path: Expression) -> Expression:
         """Return all states (states, times) of a path of the system's own, from a run's begin."""
         times = np.arange(path.shape[1])
         return ca.vertcat(path, *(path[:, (times - times % every).tolist()] for every in self.memories))
-
-
-def _moved(slopes: Expression, covariance: Expression, linear: Linear) -> tuple[Expression, Expression]:
-    onward = linear.step_through
-    return onward @ slopes + linear.step_direct, onward @ covariance @ onward.T
 
 
 @lru_cache(maxsize=8)

@@ -106,15 +106,15 @@ def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
     Both are in units of the noise, with the nuisances at their nominal values; the columns are those of the
     parameters, the start states and the sensor's nuisances.
     """
-    samples, runs = drive.samples, range(drive.runs)
+    samples, runs = drive.samples, np.arange(drive.runs)[:, None]
     states, sensitivities, inputs = list[Expression](), list[Expression](), list[Expression]()
-    for samples_read in sensor.instants(samples):
-        columns = [run * (samples + 1) + column for run in runs for column in samples_read]
+    for instants in sensor.instants(samples):
+        places = (runs * (samples + 1) + instants).ravel()
         # At the last sample's instant the inputs are those held until then.
-        held = [run * samples + min(column, samples - 1) for run in runs for column in samples_read]
-        states.append(drive.states.T[:, columns])
-        sensitivities.append(drive.sensitivities[:, block_columns(np.array(columns), drive.columns)])
-        inputs.append(drive.inputs.T[:, held])
+        held = (runs * samples + np.minimum(instants, samples - 1)).ravel()
+        states.append(drive.states.T[:, places.tolist()])
+        sensitivities.append(drive.sensitivities[:, block_columns(places, drive.columns)])
+        inputs.append(drive.inputs.T[:, held.tolist()])
     function = moment_reading(sensor, drive.system).map(states[0].shape[1])
     response, transposed, _, white_response, white_transposed = function(
         ca.vertcat(*states),
@@ -122,7 +122,7 @@ def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
         ca.vertcat(*inputs),
         drive.parameters,
         ca.DM([nuisance.nominal for nuisance in sensor.nuisances]),
-        {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[sensor.when] * drive.period,
+        sensor.lasting * drive.period,
     )
     joint = whole_whitening(sensor, response.numel() // drive.runs)
     if joint is not None:

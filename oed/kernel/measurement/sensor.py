@@ -169,6 +169,11 @@ class Sensor(Component, ABC):
         return [columns, earlier] if self.when == "between samples" else [columns]
 
     @property
+    def lasting(self) -> int:
+        """Number of periods that a reading lasts, 0 at an instant."""
+        return {"at samples": 0, "in periods": 1, "between samples": self.every}[self.when]
+
+    @property
     def subject(self) -> str:
         """Quantities that are read, in words."""
         return f"the {words(self.kind)}"
