@@ -1,6 +1,6 @@
 from .bounds import Certificate as Certificate
 from .bounds import bound as bound
-from .bounds.equivalence import sensitivity_function as sensitivity_function
+from .bounds.point_designs import sensitivity_function as sensitivity_function
 from .equations.continuous import ContinuousSystem as ContinuousSystem
 from .equations.limits import InputRange as InputRange
 from .equations.outputs import Outputs as Outputs

@@ -12,9 +12,9 @@ import numpy as np
 from oed.bounds.certificate import Bound, Certificate, inflate
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.conjugate import combined_bounds
-from oed.bounds.equivalence import point_bounds, selection_certificate
 from oed.bounds.joint import joint_bounds
 from oed.bounds.lattice_program import LatticeProgram, SpeedLimits
+from oed.bounds.point_designs import point_bounds
 from oed.bounds.reach import has_exact_inputs, largest_rates, workspace_bounds
 from oed.bounds.sensitivity import sensitivity_bounds
 from oed.bounds.speed_lattice import LatticeBound, lattice_bound
@@ -25,6 +25,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.kernel.results import TOLERANCE
 from oed.kernel.scorer import score
+from oed.optimize.selection import select
 from oed.robots.limits import Rectangle
 from oed.robots.models.model import Model, robot_of
 from oed.robots.sensors.displacements import Displacements
@@ -67,6 +68,10 @@ EVERY = "every reading taken"
 """Assumption of bounds for problems that select some readings."""
 STEADY = "drift left out: it can only take information away"
 """Assumption of bounds for problems with process noise."""
+UNDETERMINED = "all readings together leave parameters undetermined: no choice of them is bounded"
+"""Method of certificates without a bound, for selections of readings."""
+SELECTED = "directional derivatives at the best weights [Kiefer and Wolfowitz, 1960], {} weights"
+"""Method of bounds on selections of readings, in words."""
 REPEATED = "no bound is known for designs whose readings may be repeated"
 
 
@@ -109,8 +114,24 @@ def _certificate_without_search(problem: Problem) -> Certificate | None:
     if problem.selection is None:
         return None
     if problem.design.only is not None:
-        return selection_certificate(problem, problem.design.only)
+        return _selection_certificate(problem, problem.design.only)
     return Certificate(np.inf, REPEATED, ()) if problem.selection.most > 1 else None
+
+
+def _selection_certificate(problem: Problem, trajectory: Trajectory) -> Certificate:
+    # The certificate of all selections of readings of a trajectory.
+    selected = select(problem, trajectory)
+    if selected is None:
+        return Certificate(np.inf, UNDETERMINED, (), criterion=problem.criterion)
+    judged = selected.parts.judged
+    return Certificate(
+        inflate(selected.bound, problem.criterion, judged),
+        SELECTED.format(len(selected.parts.readings)),
+        ("readings of this experiment within the budget of weights",),
+        selected.relaxed.gradient,
+        criterion=problem.criterion,
+        judged=judged,
+    )
 
 
 def _certificate_by_search(

@@ -190,7 +190,6 @@ class _LatticeSearch:
         self, conditions: dict[int, tuple[int, int]], multiplier: Array, above: float
     ) -> _LatticeNode | None:
         # Cutting planes: every Z gives a valid bound, and a plane that constrains the next Z.
-        matrices: list[Array] = []
         paths: list[Array] = []
         bound, chosen = above, multiplier
         shares = np.ones(1)
@@ -207,8 +206,7 @@ class _LatticeSearch:
             if value < bound:
                 bound, chosen = value, multiplier
             paths.append(path)
-            matrices.append(matrix)
-            least, multiplier, shares = self.target.lowest(matrices)
+            least, multiplier, shares = self.target.lowest(paths)
             self._record_joins(paths, shares)
             if self.target.excess(bound, least) <= ENOUGH or self._reached(bound) or self._spent:
                 break

@@ -9,9 +9,10 @@ import numpy as np
 import scipy
 
 from oed.bounds.certificate import gap
-from oed.bounds.equivalence import best_mixture
+from oed.bounds.mixtures import best_mixture
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
+from oed.kernel.measurement.square_root import SquareRoot
 
 DIRECTIONS = 96
 """Number of corners of the polygon that contains Z of E; every Z inside is valid."""
@@ -45,20 +46,24 @@ class Target:
         """Return the share by which a bound exceeds a value; infinite for an unidentifiable one."""
         return 0.0 if -np.inf < bound <= value else gap(bound, value, self.criterion, 2)
 
-    def lowest(self, matrices: Sequence[Array]) -> tuple[float, Array, Array]:
-        """Return the lowest bound for these matrices, its Z of trace 1, and the best mixture's shares."""
-        stacked = np.stack(matrices)
+    def lowest(self, paths: Sequence[Array]) -> tuple[float, Array, Array]:
+        """Return the lowest bound for mixtures of drives, its Z of trace 1, and the best mixture's shares.
+
+        Args:
+            paths: speeds (N, 2) of each drive, scaled so that F = W'W.
+        """
+        matrices = np.stack([path.T @ path for path in paths])
         if self.criterion.conjugate == "linear":
-            return _lowest_eigenvalue_bound(stacked)
-        groups, totals = np.zeros(len(stacked), dtype=np.int64), np.ones(1)
-        mixture = best_mixture(self.criterion, stacked, np.zeros((2, 2)), 2, groups, totals)
+            return _lowest_eigenvalue_bound(matrices + self.constant)
+        groups, known_rows = np.zeros(len(paths), dtype=np.int64), SquareRoot.of_matrix(self.constant).rows
+        experiments = list(SquareRoot.of_matrix(matrices).rows)
+        mixture = best_mixture(self.criterion, experiments, known_rows, 2, groups, np.ones(1))
         if mixture is not None:
             return mixture.value, mixture.multiplier / np.trace(mixture.multiplier), mixture.weights
-        mean = stacked.mean(axis=0)
-        faint = FAINT * (np.trace(mean) or 1.0) / 2
-        multiplier = self.criterion.supergradient(mean + faint * np.eye(2))
+        mean = matrices.mean(axis=0) + self.constant
+        multiplier = self.criterion.supergradient(mean + FAINT * (np.trace(mean) or 1.0) / 2 * np.eye(2))
         assert multiplier is not None
-        return -np.inf, multiplier / np.trace(multiplier), np.full(len(stacked), 1 / len(stacked))
+        return -np.inf, multiplier / np.trace(multiplier), np.full(len(paths), 1 / len(paths))
 
 
 def _lowest_eigenvalue_bound(matrices: Array) -> tuple[float, Array, Array]:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, replace
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from oed.foundation.arguments import typed
-from oed.foundation.arrays import Bools
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.equivalence import weight_bound
+from oed.kernel.equivalence import directional_derivatives, weight_bound
 from oed.kernel.evaluation import evaluate, resolved
 from oed.kernel.parts import Budget, Cost, Parts
 from oed.kernel.problem import Problem
@@ -53,7 +54,7 @@ class Selected(Brief):
         """Weights to be used: whole ones where the problem asks for these."""
         return self.relaxed if self.exact is None else self.exact.weights
 
-    @property
+    @cached_property
     def bound(self) -> float:
         """Upper bound on the criterion of all selections, whole ones where the problem asks for these."""
         if self.exact is not None:
@@ -61,6 +62,11 @@ class Selected(Brief):
         return weight_bound(
             self.criterion, self.parts, self.relaxed.values, self.relaxed.gradient, self.budgets, self.costs
         )
+
+    @cached_property
+    def derivatives(self) -> Array:
+        """Derivatives of the criterion by the weights, at the relaxed weights, (n,)."""
+        return directional_derivatives(self.parts, self.relaxed.values, self.relaxed.gradient)
 
 
 @typed

@@ -7,9 +7,9 @@ import io
 
 import numpy as np
 
-from oed.bounds.equivalence import certified_selection
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
+from oed.optimize.selection import select
 from oed.records.stored.selection import StoredBudget, StoredReading, StoredSelection
 
 COLUMNS = ("run", "sensor", "t", "weight")
@@ -23,11 +23,11 @@ def selection_of(problem: Problem, solution: Solution) -> StoredSelection | None
     trajectory = solution.trajectory
     if problem.selection is None or trajectory is None or trajectory.weights is None:
         return None
-    found, criterion = certified_selection(problem, trajectory), problem.objective
-    if found is None or not np.isfinite(found.selected.chosen.value):
+    chosen, criterion = select(problem, trajectory), problem.objective
+    if chosen is None or not np.isfinite(chosen.chosen.value):
         return None
-    chosen, parts = found.selected, found.selected.parts
-    numbers = parts.sizes, chosen.chosen.values, chosen.relaxed.values, found.derivatives
+    parts = chosen.parts
+    numbers = parts.sizes, chosen.chosen.values, chosen.relaxed.values, chosen.derivatives
     each = zip(parts.readings, *(values.tolist() for values in numbers), strict=True)
     return StoredSelection.of(
         whole=problem.selection.whole,
@@ -50,8 +50,8 @@ def selection_of(problem: Problem, solution: Solution) -> StoredSelection | None
         ],
         value=chosen.chosen.value,
         relaxed=chosen.relaxed.value,
-        bound=found.bound,
-        efficiency=criterion.efficiency(chosen.chosen.value, found.bound, parts.judged),
+        bound=chosen.bound,
+        efficiency=criterion.efficiency(chosen.chosen.value, chosen.bound, parts.judged),
     )
 
 

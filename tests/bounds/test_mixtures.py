@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from oed.bounds.certificate import INFLATION, gap, inflate
-from oed.bounds.equivalence import best_mixture
+from oed.bounds.mixtures import best_mixture
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
 
 Array = npt.NDArray[np.float64]
@@ -68,7 +68,8 @@ def test_no_mixture_is_better(criterion: Criterion, seed: int) -> None:
     known = positive(rng, size) if seed % 2 else np.zeros((size, size))
     groups = np.arange(count) % 2
     totals = np.array([3.0, 7.0])
-    found = best_mixture(criterion, matrices, known, judged, groups, totals)
+    known_rows = np.linalg.cholesky(known).T if known.any() else known
+    found = best_mixture(criterion, list(rows[:, None]), known_rows, judged, groups, totals)
     assert found is not None
     assert np.all(found.weights >= 0)
     np.testing.assert_allclose(np.bincount(groups, found.weights), totals, rtol=1e-9)
@@ -92,8 +93,8 @@ def test_no_mixture_is_better(criterion: Criterion, seed: int) -> None:
 
 
 def test_mixtures_that_identify_too_little_are_none() -> None:
-    one = np.diag([1.0, 0.0])[None]
-    assert best_mixture(D(), one, np.zeros((2, 2)), 2, np.zeros(1, dtype=int), np.ones(1)) is None
+    row, nothing = np.array([[1.0, 0.0]]), np.zeros((0, 2))
+    assert best_mixture(D(), [row], nothing, 2, np.zeros(1, dtype=int), np.ones(1)) is None
 
 
 def test_gaps_are_in_efficiency() -> None:

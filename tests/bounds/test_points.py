@@ -14,8 +14,7 @@ import pytest
 
 import oed
 from oed.bounds import UNKNOWN, Certificate, bound
-from oed.bounds.equivalence import METHOD, sensitivity_function
-from oed.bounds.points import points_of
+from oed.bounds.point_designs import ON_GRID, point_designs, sensitivity_function
 from oed.equations.limits import InputRange
 from oed.equations.outputs import Outputs, Responses
 from oed.equations.system import Equations
@@ -101,7 +100,8 @@ def test_two_points_of_box_and_lucas_are_proved() -> None:
         times = max(trials, key=lambda one: scored(problem, one))
     found = scored(problem, times)
     assert 0 <= certificate.gap(found) < 1e-6
-    assert certificate.method == METHOD
+    assert "verified on a grid of 4,096 points" in certificate.method
+    assert ON_GRID in certificate.assumptions
     assert not any(word in " ".join(certificate.assumptions) for word in ("drive", "wheel", "robot"))
     # Both are inside the range, which may as well be wider.
     assert certificate.widened is not None
@@ -164,8 +164,8 @@ def test_surfaces_on_a_square() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "criterion"),
-    # Expressions are enclosed in the same way whatever the criterion, which a subset is another case of; the
-    # best mixtures by a part of the parameters are tested by every criterion for themselves.
+    # The grid is the same whatever the criterion, which a subset is another case of; the best mixtures by a
+    # part of the parameters are tested by every criterion for themselves.
     [(0, E()), (1, D()), (2, A())],
     ids=lambda one: one.kind if isinstance(one, Criterion) else None,
 )
@@ -218,10 +218,10 @@ def test_the_equivalence_theorem_holds_of_a_dense_grid(criterion: Criterion) -> 
 def test_readings_of_several_kinds_and_runs() -> None:
     every = [Responses(noise={"y": 1.0}), Responses(noise={"y": 0.5}, every=2)]
     problem = polynomial(PARABOLA, 5, measurement=every, design=space(5, runs=2))
-    found = points_of(problem)
-    assert found is not None
+    designs = point_designs(problem)
+    assert designs is not None
     # Per run, three settings are read by both and two by one.
-    assert sorted(found.totals) == [4.0, 6.0]
+    assert sorted(kind.total for kind in designs.kinds) == [4.0, 6.0]
     rng = np.random.default_rng(3)
     certificate = bound(problem)
     best = -np.inf
