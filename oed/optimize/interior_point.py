@@ -2,8 +2,9 @@
 
 Logarithmic barriers of size mu keep the weights within their bounds; Newton's method follows the maximum as
 mu falls, with multipliers of the bounds as unknowns of their own [Nocedal, Wright, Numerical Optimization,
-2006, ch. 19]. A step for n weights and m columns of curvature costs O(n m^2), m about half the square of the
-number of parameters.
+2006, ch. 14 and 19]. After a step mu is a share of the mean product of a distance and its multiplier, the
+smaller the longer the step was. A step for n weights and m columns of curvature costs O(n m^2), m about half
+the square of the number of parameters.
 """
 
 from __future__ import annotations
@@ -15,21 +16,13 @@ from functools import partial
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.optimize.objectives import WeightObjective, longest
+from oed.optimize.objectives import INSIDE, WeightObjective, longest
 from oed.optimize.weight_program import Projection, WeightProgram
 
 TOLERANCE = 1e-11
 """Largest suboptimality of the weights, as a share of the criterion."""
-FIRST = 10.0
-"""Sum of all first barriers, in units of the criterion."""
-FADING = 0.1
-"""Largest ratio of a barrier parameter to the one before."""
-FEW = 3
-"""Largest number of Newton steps for which a barrier counts as easy."""
 MOST_STEPS = 300
 """Largest number of Newton steps."""
-CENTRED = 0.1
-"""Squared Newton decrement, in units of the barrier, below which the barrier falls."""
 SHORTENINGS = 30
 """Largest number of halvings of a step."""
 REFINEMENTS = 2
@@ -71,34 +64,31 @@ def maximise(program: WeightProgram, objective: WeightObjective, share: float) -
     """
     weights = np.full(len(program.upper), share)
     point, distances = program.project(weights), program.distances(weights)
-    level = objective.first_level(point)
-    count = len(distances) + objective.barriers
-    barrier = FIRST * objective.scale(_criterion(objective, level, point)) / count
+    level, count = objective.first_level(point), len(distances) + objective.barriers
+    # The first barriers are each as large as the criterion: equal weights are nearly best then.
+    barrier = objective.scale(point, level)
     dual, balance = objective.central(point, level, barrier), np.zeros(len(program.equalities))
     iterate = Iterate(weights, level, barrier / distances, balance, dual, point)
-    steps = 0
     for _ in range(MOST_STEPS):
-        successor, rise = _step(program, objective, iterate, barrier)
-        iterate, steps = successor or iterate, steps + 1
-        if successor is None or rise <= CENTRED * barrier:
-            last = TOLERANCE / count * objective.scale(_criterion(objective, iterate.level, iterate.point))
-            if barrier <= last:
-                break
-            # After a barrier that took few steps the next may be much smaller.
-            ratio = FADING**2 if steps <= FEW and successor is not None else FADING
-            barrier, steps = max(ratio * barrier, last), 0
+        successor, rise, length = _step(program, objective, iterate, barrier)
+        iterate, before = successor or iterate, barrier
+        tolerance = TOLERANCE * objective.scale(iterate.point, iterate.level)
+        # What another step and the barriers may hide of the criterion.
+        if count * barrier + rise <= 2 * tolerance:
+            break
+        products = float(iterate.prices @ program.distances(iterate.weights))
+        products += objective.products(iterate.point, iterate.level, iterate.dual)
+        barrier = max(min(barrier, (1 - INSIDE * length) * products / count), tolerance / count)
+        if successor is None and barrier == before:
+            break
     return iterate.weights, objective.gradient(iterate.point, iterate.dual)
-
-
-def _criterion(objective: WeightObjective, level: float, point: Projection) -> float:
-    # The criterion, or the level below it.
-    return level if objective.has_level else objective.value(point, 0.0, 0.0)
 
 
 def _step(
     program: WeightProgram, objective: WeightObjective, iterate: Iterate, barrier: float
-) -> tuple[Iterate | None, float]:
-    # The iterate after a Newton step, None where no step leads higher, and mu times the squared decrement.
+) -> tuple[Iterate | None, float, float]:
+    # The iterate after a Newton step, None where rounding leaves none that leads higher; mu times the squared
+    # decrement, 0 without a step; and the share of the step that is taken.
     slope = objective.slope(program, iterate.point, iterate.level, barrier, iterate.dual)
     distances = program.distances(iterate.weights)
     # Differences from the current multipliers: the multipliers themselves would lose all digits by
@@ -114,26 +104,29 @@ def _step(
     rise = float(uphill @ change + slope.by_level @ raised)
     moves = program.moves(change)
     prices = barrier / distances - iterate.prices - iterate.prices / distances * moves
-    prices = iterate.prices + longest(iterate.prices, prices) * prices
     dual = slope.dual_change(curved)
-    dual = iterate.dual + objective.length(iterate.dual, dual) * dual
-    length, before = longest(distances, moves), _barrier_function(program, objective, iterate, barrier)
+    # One length of all unknowns keeps their products alike.
+    length = min(
+        longest(distances, moves), longest(iterate.prices, prices), objective.length(iterate.dual, dual)
+    )
+    before = _barrier_function(program, objective, iterate, barrier)
+    rounding = ROUNDING * max(abs(before), objective.scale(iterate.point, iterate.level))
     for _ in range(SHORTENINGS if rise > 0 else 0):
-        weights, lifted = iterate.weights + length * change, iterate.level + length * float(raised.sum())
+        weights = iterate.weights + length * change
         with suppress(np.linalg.LinAlgError):
             successor = Iterate(
                 weights,
-                lifted,
-                prices,
-                iterate.balance + balance,
-                dual,
+                iterate.level + length * float(raised.sum()),
+                iterate.prices + length * prices,
+                iterate.balance + length * balance,
+                iterate.dual + length * dual,
                 program.project(weights),
             )
             after = _barrier_function(program, objective, successor, barrier)
-            if after >= before + SUFFICIENT * length * rise - ROUNDING * abs(before):
-                return successor, rise
+            if after >= before + SUFFICIENT * length * rise - rounding:
+                return successor, rise, length
         length /= 2
-    return None, rise
+    return None, 0.0, 1.0
 
 
 def _barrier_function(

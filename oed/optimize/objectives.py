@@ -19,8 +19,8 @@ from oed.kernel.criteria import A, Criterion, D, E, G, I
 from oed.kernel.measurement.square_root import reduced
 from oed.optimize.weight_program import Projection, WeightProgram
 
-INSIDE = 0.995
-"""Share of the way to the nearest bound that one step may go."""
+INSIDE = 0.9
+"""Share of the way to the nearest bound that one step may go, and of the barrier that it may take away."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,9 @@ class WeightObjective(ABC):
     """A concave function of the information, or the barrier problem with a level t below its criterion.
 
     Attributes:
-        has_level: True where there is a level.
-        barriers: number of the barriers that keep the level below the criterion.
+        barriers: number of the barriers that keep the level below the criterion; 0 without a level.
     """
 
-    has_level = False
     barriers = 0
 
     def first_level(self, point: Projection) -> float:
@@ -71,9 +69,19 @@ class WeightObjective(ABC):
         """Return the length of a change of the level's multipliers until one of them is 0, at most 1."""
         return longest(dual, change)
 
-    def scale(self, value: float) -> float:
-        """Return the size of the criterion, the unit of tolerances."""
-        return abs(value)
+    def products(self, point: Projection, level: float, dual: Array) -> float:
+        """Return the sum of the products of the level's distances and their multipliers.
+
+        Args:
+            point: information at the weights.
+            level: level t.
+            dual: multipliers of the level.
+        """
+        return 0.0
+
+    def scale(self, point: Projection, level: float) -> float:
+        """Return the size of the criterion, or of the level below it: the unit of tolerances."""
+        return abs(level if self.barriers else self.value(point, level, 0.0))
 
     @abstractmethod
     def gradient(self, point: Projection, dual: Array) -> Array:
@@ -111,7 +119,7 @@ class Volume(WeightObjective):
         """Store the number of judged combinations."""
         self.size = float(size)
 
-    def scale(self, value: float) -> float:
+    def scale(self, point: Projection, level: float) -> float:
         """Return the number of parameters: a change of all their variances by a factor of e."""
         return self.size
 
@@ -161,8 +169,6 @@ class Variance(WeightObjective):
 class SmallestEigenvalue(WeightObjective):
     """The barrier problem t + mu log det (S - t W), with multipliers Z (p, p)."""
 
-    has_level = True
-
     def __init__(self, weighing: Array) -> None:
         """Store the weighing W, (p, p)."""
         self.weighing, self.barriers = weighing, len(weighing)
@@ -176,6 +182,10 @@ class SmallestEigenvalue(WeightObjective):
         """Return the multipliers mu (S - t W)^-1."""
         root = _inverse_root(point.information - level * self.weighing)
         return np.asarray(barrier * root.T @ root)
+
+    def products(self, point: Projection, level: float, dual: Array) -> float:
+        """Return tr Z (S - t W)."""
+        return float(np.sum(dual * (point.information - level * self.weighing)))
 
     def length(self, dual: Array, change: Array) -> float:
         """Return the length of a change of Z until an eigenvalue is 0, at most 1."""
@@ -218,8 +228,6 @@ class SmallestEigenvalue(WeightObjective):
 class LargestVariance(WeightObjective):
     """The barrier problem t + mu sum log(-t - tr C_l S^-1) of several variances, each with a multiplier."""
 
-    has_level = True
-
     def __init__(self, predictions: Sequence[Array]) -> None:
         """Store rows (c, p) of each variance, whose square is C_l."""
         self.predictions, self.barriers = predictions, len(predictions)
@@ -230,6 +238,10 @@ class LargestVariance(WeightObjective):
 
     def _spare(self, point: Projection, level: float) -> Array:
         return np.asarray(-level - _variances(point.information, self.predictions))
+
+    def products(self, point: Projection, level: float, dual: Array) -> float:
+        """Return the sum of the products of the variances' distances and multipliers."""
+        return float(dual @ self._spare(point, level))
 
     def central(self, point: Projection, level: float, barrier: float) -> Array:
         """Return the multipliers mu / (-t - tr C_l S^-1)."""

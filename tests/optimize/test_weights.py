@@ -673,12 +673,10 @@ def test_where_all_readings_are_taken_there_is_no_gap(criterion: Criterion):
     assert found.value == pytest.approx(bound, rel=1e-9)
 
 
-def test_few_of_many_candidates_that_say_the_same_are_taken():
-    """All 32 corners of a cube are best together; so are few of them, which somebody can carry out."""
-    corners = np.array(list(product([-1.0, 0.0, 1.0], repeat=5)))
-    rows = np.hstack([np.ones((len(corners), 1)), corners])
+def regression(rows: np.ndarray) -> Parts:
+    """Readings of a linear model."""
     count, size = rows.shape
-    parts = replace(
+    return replace(
         quadratic(),
         readings=(quadratic().readings[0],) * count,
         sizes=np.ones(count),
@@ -689,6 +687,25 @@ def test_few_of_many_candidates_that_say_the_same_are_taken():
         judged=size,
         rounding=(),
     )
+
+
+@pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
+def test_weights_of_many_candidates_that_differ_little_are_best(criterion: Criterion):
+    """Times at which a decay may be read: the search by E ended with less than half of what is possible."""
+    times = np.linspace(0.0, 60.0, 600)
+    rows = np.stack([times * np.exp(-0.06 * times), times * np.exp(-4.3 * times), np.exp(-0.06 * times)], 1)
+    parts = regression(rows * [20.0, 80.0, 20.0])
+    budgets = budgets_of(parts, 3.0, most=3.0)
+    best = best_weights(criterion, parts, budgets)
+    bound = weight_bound(criterion, parts, best.values, best.gradient, budgets)
+    assert 0 <= criterion.change(bound, best.value, 3) < 1e-8
+
+
+def test_few_of_many_candidates_that_say_the_same_are_taken():
+    """All 32 corners of a cube are best together; so are few of them, which somebody can carry out."""
+    corners = np.array(list(product([-1.0, 0.0, 1.0], repeat=5)))
+    rows = np.hstack([np.ones((len(corners), 1)), corners])
+    size, parts = rows.shape[1], regression(rows)
     found = best_weights(CRITERIA[1], parts, budgets_of(parts, 1.0))
     assert found.value == pytest.approx(0.0, abs=1e-9)
     assert np.count_nonzero(found.values > 1e-6) <= size * (size + 1) // 2 + 1
