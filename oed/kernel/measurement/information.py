@@ -104,9 +104,13 @@ class Estimation:
             known = SquareRoot.of_matrix(self.prior).rows
             rows.append(noise * np.pad(known, ((0, 0), (0, len(places) - width))))
         every = np.vstack(rows)
-        remaining, rounding = project_out(every, width, rounding_of(jacobian))
-        full = SquareRoot.of_rows(remaining, np.linalg.norm(every[:, :width], axis=0), rounding)
-        judged = full.leading(len(self.judged))
+
+        def leading(count: int) -> SquareRoot:
+            # Of all rows at once: a column of which elimination leaves rounding is no column like any other.
+            remaining, rounding = project_out(every, count, rounding_of(jacobian))
+            return SquareRoot.of_rows(remaining, np.linalg.norm(every[:, :count], axis=0), rounding)
+
+        judged, full = leading(len(self.judged)), leading(width)
         return judged.scaled(self._root_weight * self.scales), full.scaled(1.0 / noise)
 
     @property
