@@ -13,7 +13,6 @@ from oed.foundation.arrays import Array
 from oed.kernel.between.periods import Periods, Stretches
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.interval_function import IntervalFunction
-from oed.kernel.dynamics.intervals import EVERYTHING, full
 from oed.kernel.dynamics.rollout import Instant, instant_of
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Rows
@@ -75,9 +74,13 @@ class Excess:
         arguments = ca.vertcat(state, held, parameter, slopes, period, spline, fraction)
         self.size, self.per_metre = rows.size, per_metre
         self.reads_splines = bool(ca.depends_on(excess, spline))
+        # A stretch moves the fraction, and the splines with it, whose slopes by the fraction are given too.
+        rates = ca.SX.sym("rates", inputs)
+        by_fraction = ca.jtimes(excess, ca.vertcat(spline, fraction), ca.vertcat(rates, 1))
         last = arguments.numel() - 1
-        moving = range(last - inputs if self.reads_splines else last, last + 1)
-        self._rows = IntervalFunction(ca.Function("excess", [arguments], [excess]), moving)
+        moving = [last, *(range(last - inputs, last + 1 + inputs) if self.reads_splines else ())]
+        rows = ca.Function("excess", [arguments, rates], [excess, ca.densify(by_fraction)])
+        self._rows = IntervalFunction(rows, moving)
         self._speed = IntervalFunction(ca.Function("speed", [arguments], [instant.speeds]), ())
         self._affine = _affine_in(excess, spline, parameter)
         self.is_bounded = self._rows.is_bounded
@@ -119,22 +122,22 @@ class Excess:
         begins, count = periods.begins[:, stretches.row], len(stretches)
         fractions = np.array([stretches.begin, stretches.end])
         width, inputs = fractions[1] - fractions[0], periods.held.shape[1]
-        ends, moving = np.zeros((2, inputs, count)), np.zeros((inputs, count))
+        ends, (values, slopes) = np.zeros((2, inputs, count)), np.zeros((2, inputs, count))
         if self.reads_splines:
-            ends, moving = periods.splines(stretches)
+            ends, (values, slopes) = periods.splines(stretches)
         both = [*np.tile(begins, 2), *np.hstack(list(ends)), fractions.ravel()]
         begin, end = np.split(_table(self._rows.exact(both), 2 * count), 2, axis=1)
-        values, bounds = _most(np.maximum(begin, end)), np.full(count, np.inf)
+        most, bounds = _most(np.maximum(begin, end)), np.full(count, np.inf)
         if np.isfinite(self.per_metre):
             (speed,) = self._speed.exact([*begins, *ends[0], fractions[0]])
-            bounds = values + self.per_metre * speed * width * periods.duration / 2
-        near = ~(bounds <= np.maximum(enough, values))
+            bounds = most + self.per_metre * speed * width * periods.duration / 2
+        near = ~(bounds <= np.maximum(enough, most))
         if near.any():
-            elapsed = np.array([fractions, np.ones_like(fractions)])
-            rows = self._rows.bounds([*begins[:, near], *moving[..., near], elapsed[..., near]])
-            peaks = _peaks(begin[:, near], end[:, near], rows, width[near])
+            moving = [*values[..., near], fractions[:, near], *slopes[..., near]]
+            row_values, row_slopes = self._rows.bounds([*begins[:, near], *moving])
+            peaks = _peaks(begin[:, near], end[:, near], row_values, row_slopes, width[near])
             bounds[near] = np.minimum(bounds[near], _most(peaks))
-        return values, np.maximum(bounds, values)
+        return most, np.maximum(bounds, most)
 
 
 def exceeded(rows: Rows) -> Expression:
@@ -170,15 +173,11 @@ def _most(values: Array) -> Array:
     return np.asarray(_nan_as_infinite(values).max(axis=0))
 
 
-def _peaks(begin: Array, end: Array, rows: Sequence[Any], width: Array) -> Array:
+def _peaks(begin: Array, end: Array, values: Array, slopes: Array, width: Array) -> Array:
     # The highest values (rows, K) that rows with these ends and bounds of value and slope can have between.
-    bounds = np.array([full(row, (2, 2, len(width))) for row in rows])
-    is_unknown = np.isnan(bounds).any(axis=2)
-    # A slope is known only where the value is.
-    is_unknown[:, 1] |= is_unknown[:, 0]
-    (_, high), (least, most) = np.where(is_unknown[:, :, None], EVERYTHING, bounds).transpose(1, 2, 0, 3)
+    least, most = slopes[:, 0], slopes[:, 1]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         between = begin + most * (end - begin - least * width) / (most - least)
     between = np.where(np.isfinite(between), between, np.inf)
     peak = np.where(least >= 0, end, np.where(most <= 0, begin, between))
-    return np.asarray(np.minimum(np.maximum(peak, np.maximum(begin, end)), high))
+    return np.asarray(np.minimum(np.maximum(peak, np.maximum(begin, end)), values[:, 1]))

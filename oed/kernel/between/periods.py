@@ -114,8 +114,8 @@ class Periods:
         """Return the splines of the inputs over stretches without a knot inside.
 
         Returns:
-            values at both ends (2, inputs, K), and enclosures of values and slopes, by the fraction, between
-            (inputs, 2, 2, K).
+            values at both ends (2, inputs, K), and bounds of values and of slopes by the fraction between
+            (2, inputs, 2, K).
         """
         drive, place = self.trajectory, self.place_of(stretches.row)
         table = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
@@ -130,8 +130,8 @@ class Periods:
             )
             table[:, is_of_run] = spline.enclosure(curve.knots, curve.degree, curve.coefficients, begin, end)
         table[4:] *= self.duration
-        columns = table.transpose(2, 0, 1)
-        return columns[:, :2].transpose(1, 0, 2), columns[:, 2:].reshape(len(columns), 2, 2, -1)
+        ends, values, slopes = table.reshape(3, 2, *table.shape[1:])
+        return ends.transpose(0, 2, 1), np.array([values, slopes]).transpose(0, 3, 1, 2)
 
     def drive_of(self, rows: Places) -> Places:
         """Return the drives that periods belong to."""

@@ -1,4 +1,4 @@
-"""Evaluation of CasADi functions on intervals: bounds of their outputs and slopes, many boxes at once."""
+"""Evaluation of CasADi functions on intervals: bounds of values and of derivatives, many boxes at once."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.intervals import (
     ABOVE,
     AT_LEAST_ONE,
     BELOW,
     CHOICE,
+    EVERYTHING,
     OPERATIONS,
     ElementaryOperation,
 )
@@ -33,9 +35,13 @@ class Step(NamedTuple):
 
 
 class IntervalFunction:
-    """A CasADi function of SX some of whose arguments' entries move within enclosures.
+    """A CasADi function of SX, some of whose arguments' entries move within intervals.
 
-    Its values are the entries of all arguments one after the other, then constants and results of steps.
+    Of several outputs, which are dense, each holds derivatives of those before. CasADi's derivatives do not
+    know of jumps: where an output may jump, the bounds of the next ones are all numbers.
+
+    The function's values are the entries of all arguments one after the other, then constants and results of
+    steps.
 
     Attributes:
         is_bounded: every operation on what moves has a rule.
@@ -45,14 +51,14 @@ class IntervalFunction:
         """Read the list of operations of a function.
 
         Args:
-            function: function of SX with one output.
+            function: function of SX.
             moving: places of the entries that move, among those of all arguments.
         """
         offsets = np.cumsum([0, *(function.nnz_in(place) for place in range(function.n_in()))]).tolist()
         codes = [function.instruction_id(line) for line in range(function.n_instructions())]
         self._values: list[Any] = [None] * offsets[-1]
         self._steps: dict[int, Step] = {}
-        self._results = [-1] * function.nnz_out(0)
+        self._results = [[-1] * function.nnz_out(place) for place in range(function.n_out())]
         registers: dict[int, int] = {}
         for line, code in enumerate([] if ca.OP_CALL in codes else codes):
             read, written = function.instruction_input(line), function.instruction_output(line)
@@ -61,40 +67,65 @@ class IntervalFunction:
             elif code == ca.OP_CONST:
                 registers[written[0]] = self._append(np.float64(function.instruction_constant(line)))
             elif code == ca.OP_OUTPUT:
-                self._results[written[1]] = registers[read[0]]
+                self._results[written[0]][written[1]] = registers[read[0]]
             else:
                 registers[written[0]] = self._read(code, [registers[register] for register in read])
-        self._drop_unused()
+        self._needed = [self._needed_by(places) for places in self._results]
         self._moving = set(moving)
         for place, step in self._steps.items():
             if self._moving.intersection(step.operands):
                 self._moving.add(place)
-        rules = [step.operation.rule for place, step in self._steps.items() if place in self._moving]
+        rules = [self._steps[place].operation.rule for place in self._moving & set().union(*self._needed)]
         self.is_bounded = ca.OP_CALL not in codes and _unknown not in rules
 
     def exact(self, entries: Sequence[Any]) -> list[Any]:
-        """Return the output's entries for exact entries.
+        """Return the first output's entries for exact entries.
 
         Args:
             entries: numbers, or arrays with a number for each box.
         """
-        return self._evaluated(entries, ())
+        values, _ = self._evaluate(entries, self._needed[0], ())
+        return [np.nan if place < 0 else values[place] for place in self._results[0]]
 
-    def bounds(self, entries: Sequence[Any]) -> list[Any]:
-        """Return enclosures of the output's entries that move, and the other entries.
+    def bounds(self, entries: Sequence[Any]) -> list[Array]:
+        """Return the intervals of each output's entries, (entries, 2, boxes); all numbers where unknown.
 
         Args:
-            entries: enclosures of those that move; of others numbers, or arrays with a number for each box.
+            entries: intervals of those that move; of others numbers, or arrays with a number for each box.
         """
-        return self._evaluated(entries, self._moving)
+        shape = next(entry.shape for entry in entries if np.ndim(entry) == 2)
+        values, jumps = self._evaluate(entries, set().union(*self._needed), self._moving)
+        outputs, is_unknown = list[Array](), np.zeros(shape[1], dtype=bool)
+        for places in self._results:
+            bounds = np.empty((len(places), *shape))
+            for row, place in zip(bounds, places, strict=True):
+                row[:] = np.nan if place < 0 else values[place]
+            is_nan = np.isnan(bounds).any(axis=1)
+            outputs.append(np.where((is_nan | is_unknown)[:, None], EVERYTHING, bounds))
+            is_unknown |= np.asarray(is_nan).any(axis=0)
+            for place in places:
+                is_unknown |= jumps[place]
+        return outputs
 
-    def _evaluated(self, entries: Sequence[Any], moving: Collection[int]) -> list[Any]:
+    def _evaluate(
+        self, entries: Sequence[Any], needed: set[int], moving: Collection[int]
+    ) -> tuple[list[Any], list[Any]]:
+        # All values, and flags of the boxes in which they may jump.
         values = [*entries, *self._values[len(entries) :]]
+        jumps: list[Any] = [False] * len(values)
         with np.errstate(all="ignore"):
             for place, (_, operation, operands) in self._steps.items():
-                function = operation.rule if place in moving else operation.exact
-                values[place] = function(*[values[operand] for operand in operands])
-        return [np.nan if place < 0 else values[place] for place in self._results]
+                if place not in needed:
+                    continue
+                arguments = [values[operand] for operand in operands]
+                if place in moving:
+                    values[place] = result = operation.rule(*arguments)
+                    jumps[place] = operation.jumps(
+                        [jumps[operand] for operand in operands], result, *arguments
+                    )
+                else:
+                    values[place] = operation.exact(*arguments)
+        return values, jumps
 
     def _append(self, constant: Any) -> int:
         self._values.append(constant)
@@ -139,18 +170,18 @@ class IntervalFunction:
         is_below = (chosen == less) == holds
         return self._add(BELOW if is_below else ABOVE, [chosen, more if chosen == less else less])
 
-    def _drop_unused(self) -> None:
-        used = set(self._results)
+    def _needed_by(self, places: Sequence[int]) -> set[int]:
+        # Places of the steps whose results enter these values.
+        reached = set(places)
         for place, step in reversed(list(self._steps.items())):
-            if place in used:
-                used.update(step.operands)
-            else:
-                del self._steps[place]
+            if place in reached:
+                reached.update(step.operands)
+        return reached & self._steps.keys()
 
 
 def _unknown(*operands: Any) -> Any:
-    (enclosure, *_) = (operand for operand in operands if np.ndim(operand) == 3)
-    return np.full_like(enclosure, np.nan)
+    (interval, *_) = (operand for operand in operands if np.ndim(operand) == 2)
+    return np.full_like(interval, np.nan)
 
 
 NO_STEP = Step(-1, ElementaryOperation(_unknown, _unknown), ())
