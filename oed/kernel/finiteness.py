@@ -10,7 +10,7 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import Issue, NotFinite, TooLarge
 from oed.foundation.quantities import LARGEST
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.readings import row_times
+from oed.kernel.parts import taken_of
 from oed.kernel.problem import Problem
 
 FARTHEST = 1e100
@@ -77,13 +77,12 @@ def _advice(problem: Problem) -> str:
 
 
 def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> str:
-    runs = trajectory.runs
-    sensors = problem.sensors
-    times = row_times(sensors, problem.system, trajectory.samples // runs, runs)
-    if len(times) != count:
+    parts = taken_of(problem.sensors, problem.system, trajectory)
+    if len(parts.places) != count:
         return f"{problem.measurement.kind} (reading {row})"
-    label, run, samples = times[row]
-    return f"{label} at {samples * trajectory.period:.6g} s" + (f" of run {run + 1}" if runs > 1 else "")
+    reading = parts.readings[parts.places[row]]
+    run = f" of run {reading.run + 1}" if trajectory.runs > 1 else ""
+    return f"{reading.sensor} at {reading.time:.6g} s{run}"
 
 
 def _sentence(problem: Problem, quantity: str, place: str, columns: Sequence[int], text: str) -> str:

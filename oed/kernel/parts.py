@@ -15,7 +15,7 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.readings import row_times, sensor_labels
+from oed.kernel.measurement.readings import reader, sensor_labels
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.measurement.square_root import SquareRoot
 
@@ -275,45 +275,48 @@ def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 
 
 
 def laid_out(sensors: Sequence[Sensor], system: System, samples: int, runs: int, period: float) -> Parts:
-    """The readings that sensors take, before anything is known of what they say.
-
-    Args:
-        sensors: sensors with independent readings.
-        system: system that is read.
-        samples: number of samples of each run.
-        runs: number of runs.
-        period: T [s].
-    """
-    labels = zip(sensors, sensor_labels(sensors), strict=True)
-    lasting = {label: period if sensor.continuous else 1.0 for sensor, label in labels}
-    readings = list(dict.fromkeys(row_times(sensors, system, samples, runs)))
-    return Parts(
-        tuple(Reading(label, run, column * period) for label, run, column in readings),
-        np.zeros((0, 0)),
-        np.zeros(0, dtype=int),
-        np.zeros((0, 0)),
-        0,
-        np.array([lasting[label] for label, _, _ in readings]),
-        tuple((place,) for place in range(len(readings))),
-    )
-
-
-def rows_of(sensors: Sequence[Sensor], system: System, samples: int, runs: int) -> Places:
-    """Return the place among `laid_out` readings of every row of all sensors' readings, (rows,).
+    """Return the readings that sensors take, and every row's reading, before anything is known of them.
 
     Args:
         sensors: sensors that read.
         system: system that is read.
         samples: number of samples of each run.
         runs: number of runs.
+        period: T [s].
     """
-    times = row_times(sensors, system, samples, runs)
-    places = {reading: place for place, reading in enumerate(dict.fromkeys(times))}
-    return np.array([places[reading] for reading in times], dtype=int)
+    readings, sizes, places = list[Reading](), list[float](), list[int]()
+    for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
+        rows, middle = reader(sensor, system).size1_out(0), 0.5 if sensor.when == "in periods" else 0.0
+        for run in range(runs):
+            for column in sensor.columns(samples):
+                places += [len(readings)] * rows
+                readings.append(Reading(label, run, (column + middle) * period))
+                sizes.append(period if sensor.continuous else 1.0)
+    return Parts(
+        readings=tuple(readings),
+        rows=np.zeros((0, 0)),
+        places=np.array(places, dtype=int),
+        known_rows=np.zeros((0, 0)),
+        judged=0,
+        sizes=np.array(sizes),
+        members=tuple((place,) for place in range(len(readings))),
+    )
+
+
+def taken_of(sensors: Sequence[Sensor], system: System, trajectory: Trajectory) -> Parts:
+    """Return the readings that sensors take of a trajectory; see `laid_out`.
+
+    Args:
+        sensors: sensors that read.
+        system: system that is read.
+        trajectory: the trajectory.
+    """
+    samples = trajectory.samples // trajectory.runs
+    return laid_out(sensors, system, samples, trajectory.runs, trajectory.period)
 
 
 def root_weights(sensors: Sequence[Sensor], system: System, trajectory: Trajectory) -> Array | None:
-    """The roots of a trajectory's weights for every row of all sensors' readings, (rows,); None without any.
+    """Return the roots of a trajectory's weights by rows of all sensors' readings, (rows,); None without any.
 
     Args:
         sensors: sensors that read.
@@ -325,10 +328,8 @@ def root_weights(sensors: Sequence[Sensor], system: System, trajectory: Trajecto
     """
     if trajectory.weights is None:
         return None
-    count = len(trajectory.weights)
-    if not sensors:
-        raise ValueError(f"expected weights of no readings, got {count}")
-    places = rows_of(sensors, system, trajectory.samples // trajectory.runs, trajectory.runs)
-    if count != places.max() + 1:
-        raise ValueError(f"expected weights of {places.max() + 1} readings, got {count}")
-    return np.asarray(np.sqrt(trajectory.weights)[places])
+    count, parts = len(trajectory.weights), taken_of(sensors, system, trajectory)
+    if count != len(parts.readings):
+        expected = f"{len(parts.readings)} readings" if sensors else "no readings"
+        raise ValueError(f"expected weights of {expected}, got {count}")
+    return np.asarray(np.sqrt(trajectory.weights)[parts.places])

@@ -12,7 +12,7 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import resolved
 from oed.kernel.measurement.square_root import SquareRoot, rounding_of
-from oed.kernel.parts import Parts, laid_out, rows_of
+from oed.kernel.parts import Parts, taken_of
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import jacobians
 
@@ -47,12 +47,10 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
         0.0 if nuisance.deviation is None else nuisance.deviation**-2 for nuisance in block.nuisances
     ]
     prior *= np.outer(scales, scales)
-    layout = sensors, problem.system, trajectory.samples // trajectory.runs, trajectory.runs
     every, rounding = _disentangled(np.vstack([rows, SquareRoot.of_matrix(prior).rows]), judged)
     return replace(
-        laid_out(*layout, trajectory.period),
+        taken_of(sensors, problem.system, trajectory),
         rows=every[: len(rows)],
-        places=rows_of(*layout),
         known_rows=every[len(rows) :],
         judged=judged,
         rounding=rounding,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -12,11 +11,9 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, any_drive
-from oed.kernel.parts import Cost, Parts, laid_out
-
-if TYPE_CHECKING:
-    from oed.kernel.dynamics.trajectory import Trajectory
-    from oed.kernel.problem import Problem
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.parts import Cost, Parts, taken_of
+from oed.kernel.problem import Problem
 
 EFFORT = "effort_"
 """Prefix of the inputs of a search that are roots of weights; the number of their sensor follows."""
@@ -126,10 +123,9 @@ def _by_part(problem: Problem, trajectory: Trajectory, parts: Parts, costs: Arra
 
 def _periods(problem: Problem, trajectory: Trajectory) -> Places:
     # The period among all in which each reading is taken.
-    samples, period = trajectory.samples // trajectory.runs, trajectory.period
-    sensors = problem.sensors
-    readings = laid_out(sensors, problem.system, samples, trajectory.runs, period).readings
-    places = np.array([reading.time for reading in readings]) / period
+    samples = trajectory.samples // trajectory.runs
+    readings = taken_of(problem.sensors, problem.system, trajectory).readings
+    places = np.array([reading.time for reading in readings]) / trajectory.period
     runs = np.array([reading.run for reading in readings], dtype=int)
     return np.asarray(runs * samples + np.minimum(places + SLIGHT, samples - 1).astype(int))
 

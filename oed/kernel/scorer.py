@@ -21,9 +21,8 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.finiteness import require_driven, require_measured
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.information import Estimation
-from oed.kernel.measurement.readings import row_times
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.kernel.parts import root_weights
+from oed.kernel.parts import root_weights, taken_of
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import carried_out, repetitions
 from oed.kernel.results import Evaluation, Margin
@@ -87,9 +86,8 @@ def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) 
     """
     scorer, _ = _scorer_of(problem, trajectory)
     *_, (jacobian,), (magnitudes,) = scorer.measured(trajectory)
-    (estimation,), samples = scorer.estimations, trajectory.samples // trajectory.runs
-    rows = row_times(problem.sensors, problem.system, samples, trajectory.runs)
-    read = np.array([trajectory.each[run].period * time for _, run, time in rows])
+    (estimation,), parts = scorer.estimations, taken_of(problem.sensors, problem.system, trajectory)
+    read = np.array([reading.time for reading in parts.readings])[parts.places]
     # What is read at a time counts, however that is rounded.
     until = [jacobian * (read <= time + NEVER * trajectory.period)[:, None] for time in times]
     roots = [estimation.square_roots(rows, magnitudes.ravel())[1] for rows in until]

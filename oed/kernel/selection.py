@@ -15,7 +15,7 @@ from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor
-from oed.kernel.parts import Budget, Parts, budgets_of, laid_out
+from oed.kernel.parts import Budget, Parts, budgets_of, laid_out, taken_of
 from oed.kernel.results import Margin
 
 
@@ -134,8 +134,7 @@ class Selection(Component):
             system: system that is driven.
             trajectory: the design, with its weights.
         """
-        samples = trajectory.samples // trajectory.runs
-        single = laid_out(sensors, system, samples, trajectory.runs, trajectory.period)
+        single = taken_of(sensors, system, trajectory)
         single_weights = np.ones(len(single.readings)) if trajectory.weights is None else trajectory.weights
         parts = self.parts(single)
         weights = np.array([single_weights[list(places)].mean() for places in parts.members])

@@ -159,27 +159,6 @@ def by_run(transposed: Expression, drive: Drive) -> Expression:
     return ca.vertcat(transposed[:size, :], ca.diagcat(*starts), transposed[size + states :, :])
 
 
-def row_times(
-    sensors: Sequence[Sensor], system: System, samples: int, runs: int
-) -> list[tuple[str, int, float]]:
-    """Return the sensor's label, the run from 0 and the time in periods of every row of all readings.
-
-    Args:
-        sensors: sensors that read.
-        system: system that is driven.
-        samples: number of samples of a run.
-        runs: number of runs.
-    """
-    return [
-        (label, run, column + (0.5 if sensor.when == "in periods" else 0.0))
-        for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
-        for rows in [moment_reading(sensor, system).size1_out(0)]
-        for run in range(runs)
-        for column in sensor.columns(samples)
-        for _ in range(rows)
-    ]
-
-
 def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> tuple[Sequence[Expression], Expression]:
     """Return the readings of every sensor, (rows,) each, and the derivatives of all of them, (M, columns).
 
