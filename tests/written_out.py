@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,12 +13,40 @@ import numpy as np
 from oed.kernel.dynamics.rollout import Drive, instant_of
 from oed.kernel.limit import PathLimit, Rows
 from oed.kernel.problem import Problem
+from oed.optimize.terms.chosen import ChosenRows
 from oed.optimize.terms.matrices import upper_halves
 from oed.optimize.terms.needs import by_instants
 from oed.optimize.terms.row_bounds import RowBounds, said_once
-from oed.optimize.terms.slots import Chosen
-from oed.optimize.terms.terms import Functions, Terms
+from oed.optimize.terms.terms import Terms
 from oed.optimize.terms.unknowns import Unknowns
+
+
+@dataclass(frozen=True)
+class Called:
+    """Functions of z: entries and rows, their derivatives, second derivatives of weighted sums of them."""
+
+    values: Callable[..., Any]
+    jacobian: Callable[..., Any]
+    hessian: Callable[..., Any]
+
+
+def called(terms: Terms, chosen: ChosenRows | None = None) -> Called:
+    """The terms' own entries and rows."""
+    rows = terms.entries_of_rows(0 if chosen is None else len(chosen))
+
+    def values(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        point = terms.at(z)
+        return point.entries, rows.values(point, chosen)
+
+    def jacobian(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        point, table = terms.at(z), np.zeros((rows.count, terms.size))
+        table[rows.row, rows.column] = rows.slopes(point, chosen)
+        return point.entry_slopes, table
+
+    def hessian(z: np.ndarray, entries: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        return np.triu(rows.curvature(terms.at(z), entries, weights, chosen))
+
+    return Called(values, jacobian, hessian)
 
 
 class WrittenOut(Unknowns):
@@ -94,19 +124,16 @@ class WrittenOut(Unknowns):
                     column.append(entry)
         return tuple(map(np.array, found))
 
-    def functions(
-        self, terms: Terms | None = None, chosen: Chosen | None = None, slots: int = 0
-    ) -> Functions:
-        """The terms' functions with chosen rows of instants, and empty ones up to so many slots."""
+    def functions(self, terms: Terms | None = None, chosen: ChosenRows | None = None) -> Called:
+        """Entries and rows, with chosen rows of instants behind the others, and their derivatives."""
         rows = [rows.expression for rows in self.limits]
         if terms is not None and chosen is not None:
             rows += [self._row(terms, chosen, place) for place in range(len(chosen))]
-            rows.append(ca.SX.zeros(slots - len(chosen)))
         every, z = ca.densify(ca.vertcat(ca.SX(0, 1), *rows)), self.unknowns
         weights = [ca.SX.sym("entries", self.entry_count), ca.SX.sym("rows", every.shape[0])]
         weighted = ca.dot(weights[0], self.entries) + ca.dot(weights[1], every)
         slopes = [ca.jacobian(part, z) for part in (self.entries, every)]
-        return Functions(
+        return Called(
             ca.Function("terms", [z], [self.entries, every]),
             ca.Function("slopes", [z], list(map(ca.densify, slopes))),
             ca.Function("curvature", [z, *weights], [ca.triu(ca.hessian(weighted, z)[0])]),
@@ -124,23 +151,15 @@ class WrittenOut(Unknowns):
             for parameters, shift in scenarios.each
         ]
 
-    def _row(self, terms: Terms, chosen: Chosen, place: int) -> ca.SX:
+    def _row(self, terms: Terms, chosen: ChosenRows, place: int) -> ca.SX:
         """One of the chosen rows, as the drive has it at that instant."""
         problem, instants = self.problem, terms.instants
-        space, row = problem.design, int(chosen.row[place])
-        system, sample = divmod(int(chosen.sample[place]), space.all_samples)
-        run = sample // space.samples
-        held, scale = self.drive.inputs[sample, :].T, self.input_scale
-        asked = held
+        space, row, scale = problem.design, int(chosen.row[place]), self.input_scale
+        system, run = divmod(int(chosen.run[place]), space.runs)
+        sample = run * space.samples + int(chosen.sample[place])
+        held = asked = self.drive.inputs[sample, :].T
         if instants.asking:
-            stride, basis = self.embedding.sizes[0], ca.DM(chosen.basis[:, place])
-            columns = chosen.places[:, place]
-            asked = ca.vertcat(
-                *(
-                    scale[one] * ca.dot(basis, self.unknowns[(columns + one * stride).tolist()])
-                    for one in range(len(scale))
-                )
-            )
+            asked = ca.DM(scale) * (ca.DM(chosen.asked[place]) @ self.unknowns)
         limit = problem.limits[instants.owner[row]]
         is_tightened = problem.robust is not None and isinstance(limit, PathLimit)
         drive = self._watched[system] if is_tightened else self.drive
@@ -150,7 +169,7 @@ class WrittenOut(Unknowns):
             state=drive.states[begin, :].T,
             held=held,
             parameters=drive.parameters,
-            period=ca.SX(float(chosen.elapsed[place])),
+            period=ca.SX(float(chosen.constants[place, 0])),
             asked=asked,
             fraction=ca.SX(1),
             sensitivities=drive.sensitivities[:, begin * width : (begin + 1) * width],
@@ -162,7 +181,12 @@ class WrittenOut(Unknowns):
             rows = limit.rows(instant)
         alike = np.flatnonzero((instants.owner == instants.owner[row]) & instants.systems[:, system])
         number = alike.tolist().index(row)
-        return instants.weight[row] * ca.densify(ca.vec(rows.expression))[number] / rows.size
+        return (
+            chosen.share[place]
+            * instants.weight[row]
+            * ca.densify(ca.vec(rows.expression))[number]
+            / rows.size
+        )
 
 
 def chosen_rows(rows: Rows, chosen: np.ndarray) -> Rows:

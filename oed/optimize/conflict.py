@@ -10,7 +10,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.text import excess_text, words
 from oed.optimize.exchange import Exchange
-from oed.optimize.terms.slots import Chosen
+from oed.optimize.terms.chosen import ChosenRows
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import IpoptOutcome, Program
 
@@ -59,7 +59,9 @@ def _smallest_relaxation(program: Program, starts: Sequence[Array], place: int) 
     exchange, count = Exchange(design.problem, design.terms), len(design.terms.rows)
     upper = np.where(np.arange(count) == place, np.inf, 0.0)
 
-    def solve(begin: Array, after: IpoptOutcome | None, chosen: Chosen | None, loosely: bool) -> IpoptOutcome:
+    def solve(
+        begin: Array, after: IpoptOutcome | None, chosen: ChosenRows | None, loosely: bool
+    ) -> IpoptOutcome:
         return program.solve(
             begin,
             np.minimum(upper, 1.0) if after is None else after.auxiliary,

@@ -19,7 +19,7 @@ from oed.kernel.dynamics.rollout import FINE
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.optimize.lower_level import Instants, LowerLevel, within
-from oed.optimize.terms.slots import Chosen
+from oed.optimize.terms.chosen import ChosenRows
 from oed.optimize.terms.terms import Terms
 from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, IpoptOutcome, slots_for
 
@@ -87,7 +87,7 @@ class Exchange:
         row, run = np.nonzero(np.repeat(self._rows.systems, space.runs, axis=1))
         return Instants(np.repeat(row, count), np.repeat(run, count), np.tile(times, len(row)))
 
-    def chosen_rows(self, instants: Instants, drive: Trajectory) -> Chosen:
+    def chosen_rows(self, instants: Instants, drive: Trajectory) -> ChosenRows:
         """Return instants as rows of the search's program.
 
         On a grid of fewer samples a row has a different value than on all samples; its bounds are shifted by
@@ -103,16 +103,34 @@ class Exchange:
             coarse = replace(drive, samples=space.all_samples)
             shift = self.lower_level.at(coarse, instants) - self.lower_level.at(drive, instants)
             lower, upper = lower + shift, upper + shift
-        sample, elapsed = within(instants, space.samples, space.period)
-        if self._rows.asking:
-            basis, places = self._terms.embedding.basis(instants.run % space.runs, instants.time)
-        else:
-            basis, places = np.zeros((0, len(instants))), np.zeros((0, len(instants)), dtype=int)
-        return Chosen(sample, elapsed, instants.row, basis, places, lower, upper, self._rows.count)
+        place, elapsed = within(instants, space.samples, space.period)
+        constants = self._rows.constants(instants.run // space.runs, elapsed)
+        return ChosenRows(
+            run=instants.run,
+            sample=place % space.samples,
+            row=instants.row,
+            share=np.ones(len(instants)),
+            constants=constants,
+            asked=self._asked(instants),
+            lower=lower,
+            upper=upper,
+        )
+
+    def _asked(self, instants: Instants) -> Array:
+        # Derivatives by z of the inputs that splines ask for, in units of their scale.
+        terms, count = self._terms, len(instants)
+        if not self._rows.asking:
+            return np.zeros((count, 0, terms.size))
+        runs = instants.run % terms.problem.design.runs
+        basis, places = terms.embedding.basis(runs, instants.time)
+        asked, stride = np.zeros((terms.embedding.inputs, count, terms.size)), terms.embedding.sizes[0]
+        for place in range(terms.embedding.inputs):
+            np.add.at(asked[place], (np.arange(count), places + place * stride), basis)
+        return asked.transpose(1, 0, 2)
 
     def solve(
         self,
-        call: Callable[[Array, IpoptOutcome | None, Chosen | None, bool], IpoptOutcome],
+        call: Callable[[Array, IpoptOutcome | None, ChosenRows | None, bool], IpoptOutcome],
         unknowns: Array,
         after: IpoptOutcome | None,
         instants: Instants,

@@ -23,10 +23,10 @@ from oed.optimize.exchange import Exchange
 from oed.optimize.ipopt_options import IpoptOptions
 from oed.optimize.lower_level import Instants
 from oed.optimize.results import LocalResult, Round, best_round, is_better, local_result
-from oed.optimize.terms.slots import Chosen
-from oed.optimize.transcription.chain import SLIGHT
+from oed.optimize.terms.chosen import ChosenRows
 from oed.optimize.transcription.coarse import SearchGrid
 from oed.optimize.transcription.design import smooth_objective
+from oed.optimize.transcription.frame import SLIGHT
 from oed.optimize.transcription.program import IpoptOutcome, Program
 
 ROUNDS = 6
@@ -87,10 +87,10 @@ class LocalSearch:
         return Program(
             self.design,
             objective=maximised,
-            # Corrections are constants, passed to Ipopt as fixed unknowns.
-            auxiliary=ca.vertcat(self._objective.variables, self.grid.corrections),
+            auxiliary=self._objective.variables,
             equalities=self._objective.equalities,
             floors=floors,
+            constants=self.grid.corrections,
             options=self.options.for_ipopt,
         )
 
@@ -265,7 +265,7 @@ class LocalSearch:
         tolerance = options.pop("tolerance", None)
 
         def solve(
-            begin: Array, before: IpoptOutcome | None, chosen: Chosen | None, loosely: bool
+            begin: Array, before: IpoptOutcome | None, chosen: ChosenRows | None, loosely: bool
         ) -> IpoptOutcome:
             enough = max(tolerance or 0.0, LOOSE) if loosely else tolerance
             further = {"after": before, "chosen": chosen, "tolerance": enough}
@@ -283,14 +283,7 @@ class LocalSearch:
             options: further arguments of `Program.solve`.
         """
         first = self._objective.initial(self._matrices(unknowns, corrections))
-        free = np.full(len(first), np.inf)
-        return program.solve(
-            unknowns,
-            np.concatenate([first, corrections]),
-            auxiliary_lower=np.concatenate([-free, corrections]),
-            auxiliary_upper=np.concatenate([free, corrections]),
-            **options,
-        )
+        return program.solve(unknowns, first, constants=corrections, **options)
 
     def _matrices(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
         # Scaled matrices, as the program uses them.

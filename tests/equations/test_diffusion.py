@@ -148,7 +148,7 @@ def test_a_search_that_chooses_the_duration_sees_the_noise_of_the_time_it_takes(
     own = lower(problem, chosen)
     assert 2.0 < own.trajectory.duration < 6.0
     (estimation,) = problem.any_estimations
-    entries = np.array(terms.values(z)[0]).ravel()
+    entries = terms.at(z).entries
     scale = np.outer(estimation.scales, estimation.scales)
     expected = own.evaluation.full_square_roots["joint"].matrix * scale
     np.testing.assert_allclose(entries, expected[[0, 0, 1], [0, 1, 1]], rtol=1e-9)

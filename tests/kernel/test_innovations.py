@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from builders import RADIUS, TRACK, check_all, problem_of, random_drive
-from written_out import WrittenOut
+from written_out import WrittenOut, called
 
 from oed.bounds import STEADY, bound
 from oed.estimation.methods.nonlinear import Nonlinear
@@ -294,14 +294,14 @@ def test_condensed_drives_are_what_they_are_written_out(sensors, size: int):
     parts = {"samples": 3 * size, "period": 0.3, "coefficients": 6, "estimate": SOME}
     problem = problem_of(measurement=sensors, criterion=E(), **parts)
     terms, written_out = Terms(problem), WrittenOut(problem)
-    whole = written_out.functions()
+    whole, own = written_out.functions(), called(terms)
     rng = np.random.default_rng(0)
     at, weights = rng.uniform(-0.6, 0.6, terms.size), rng.normal(size=terms.entry_count)
     none = np.zeros(len(np.array(whole.values(at)[1])))
     for found, expected in (
-        (terms.values(at)[0], whole.values(at)[0]),
-        (terms.jacobian(at)[0], whole.jacobian(at)[0]),
-        (terms.hessian(at, weights, none), whole.hessian(at, weights, none)),
+        (own.values(at)[0][:, None], whole.values(at)[0]),
+        (own.jacobian(at)[0], whole.jacobian(at)[0]),
+        (own.hessian(at, weights, none), whole.hessian(at, weights, none)),
     ):
         table = np.array(expected)
         np.testing.assert_allclose(np.array(found), table, rtol=0, atol=1e-12 * np.abs(table).max())

@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import BOX, SPEED, problem_of
-from some_instants import numbers_of
+from some_instants import chosen_of
+from written_out import called
 
 from oed.kernel.dynamics import direct_call
 from oed.kernel.dynamics.compiled import MANY, at_work, compiled, compiler
@@ -91,13 +92,13 @@ def problem() -> Problem:
     )
 
 
-def called(terms: Terms, slots: int, seed: int) -> list[np.ndarray]:
-    """Results of a terms' functions at one point."""
-    functions, rng = terms.functions(slots), np.random.default_rng(seed)
-    given = [rng.uniform(-0.5, 0.5, terms.size), numbers_of(terms, rng, slots)]
-    weights = [rng.normal(size=functions.hessian.size1_in(place)) for place in (2, 3)]
-    parts = (functions.values, []), (functions.jacobian, []), (functions.hessian, weights)
-    return [np.array(ca.densify(part)) for function, more in parts for part in function.call([*given, *more])]
+def results(terms: Terms, slots: int, seed: int) -> list[np.ndarray]:
+    """Entries and rows at one point, and their derivatives."""
+    rng = np.random.default_rng(seed)
+    z, functions = rng.uniform(-0.5, 0.5, terms.size), called(terms, chosen_of(terms, rng, slots))
+    values = functions.values(z)
+    weights = [rng.normal(size=len(part)) for part in values]
+    return [*values, *functions.jacobian(z), functions.hessian(z, *weights)]
 
 
 @needs_compiler
@@ -107,13 +108,13 @@ def test_what_a_search_calls_is_the_same_to_the_last_bit(cache: Path, monkeypatc
     slots = slots_for(len(LocalSearch(problem(), SETTINGS).exchange.first_instants()))
     monkeypatch.setattr(direct_call, "PAYS", 0.0)
     for _ in range(2):
-        called(quick, slots, 0)
+        results(quick, slots, 0)
         while at_work():
             time.sleep(0.05)
     assert list(cache.glob("*.so"))
-    expected = [called(plain, slots, seed) for seed in range(20)]
+    expected = [results(plain, slots, seed) for seed in range(20)]
     for seed in range(20):
-        for part, other in zip(called(quick, slots, seed), expected[seed], strict=True):
+        for part, other in zip(results(quick, slots, seed), expected[seed], strict=True):
             np.testing.assert_array_equal(part, other)
 
 

@@ -51,7 +51,7 @@ def test_readings_say_as_much_as_in_the_time_that_is_chosen(sensor):
     assert 2.0 < own.trajectory.duration < 6.0
     (estimation,) = problem.any_estimations
     expected = own.evaluation.full_square_roots["joint"].matrix * estimation.scales**2
-    np.testing.assert_allclose(np.array(terms.values(z)[0]).ravel(), expected.ravel(), rtol=1e-9)
+    np.testing.assert_allclose(terms.at(z).entries, expected.ravel(), rtol=1e-9)
 
 
 def test_what_is_predicted_has_no_further_inputs():

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, problem_of
-from some_instants import SLOTS, chosen_of, numbers_of
-from written_out import WrittenOut
+from some_instants import SLOTS, chosen_of
+from written_out import WrittenOut, called
 
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
@@ -371,8 +371,8 @@ def test_they_say_what_the_whole_drive_says(overrides: dict[str, Any]):
 def test_a_slope_that_is_not_finite_spoils_no_other_limit():
     problem = small_problem(limits=(Step(), SPEED, Mean()), design=space(rest_to_rest=False))
     terms = Terms(problem)
-    both = terms.jacobian, WrittenOut(problem).functions().jacobian
-    found, expected = (np.array(ca.densify(slopes(np.zeros(terms.size))[1])) for slopes in both)
+    both = called(terms), WrittenOut(problem).functions()
+    found, expected = (np.array(functions.jacobian(np.zeros(terms.size))[1]) for functions in both)
     spoilt = np.isnan(expected).any(axis=1)
     assert 0 < spoilt.sum() < len(spoilt)
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), spoilt)
@@ -386,7 +386,8 @@ def test_second_derivatives_with_more_entries_in_a_row_than_unknowns_are_not_col
     monkeypatch.setattr(ca.Sparsity, "uni_coloring", lambda _: pytest.fail("coloured"))
     condensed = Terms(small_problem(limits=(Effort(), SPEED)))
     rows = sum(len(one.lower) for one in condensed.rows)
-    condensed.hessian(np.zeros(condensed.size), np.ones(condensed.entry_count), np.ones(rows))
+    z = np.zeros(condensed.size)
+    called(condensed).hessian(z, np.ones(condensed.entry_count), np.ones(rows))
 
 
 @pytest.mark.slow
@@ -408,19 +409,17 @@ def agree(problem: Problem, condensed: Terms, whole: WrittenOut) -> None:
     for found, expected in zip(condensed.scored(z[None]), whole.scored(z[None]), strict=True):
         assert_close(found, expected)
     chosen = chosen_of(condensed, rng)
-    slots = 0 if chosen is None else SLOTS
-    own, others = condensed.functions(slots), whole.functions(condensed, chosen, slots)
-    numbers = [] if chosen is None else [chosen.numbers(slots)]
-    for found, expected in zip(own.values(z, *numbers), others.values(z), strict=True):
-        assert_close(found, expected)
-    for found, expected in zip(own.jacobian(z, *numbers), others.jacobian(z), strict=True):
-        assert_close(ca.densify(found), expected)
-    rows = slots + sum(len(one.lower) for one in whole.rows)
+    own, others = called(condensed, chosen), whole.functions(condensed, chosen)
+    for name in ("values", "jacobian"):
+        both = (getattr(functions, name)(z) for functions in (own, others))
+        for found, expected in zip(*both, strict=True):
+            assert_close(np.array(found).ravel(), np.array(expected).ravel())
+    rows = condensed.entries_of_rows(0 if chosen is None else len(chosen)).count
     weights = rng.normal(size=whole.entry_count), rng.normal(size=rows)
     for entries in (0, 1):
         for limits in (0, 1):
             both = entries * weights[0], limits * weights[1]
-            assert_close(own.hessian(z, *numbers, *both), others.hessian(z, *both))
+            assert_close(own.hessian(z, *both), others.hessian(z, *both))
 
 
 @pytest.mark.slow
@@ -428,15 +427,14 @@ def agree(problem: Problem, condensed: Terms, whole: WrittenOut) -> None:
 def test_rows_of_instants_bend_as_their_slopes_change(limits: tuple[Limit, ...]):
     terms = Terms(small_problem(limits=(SPEED, *limits), design=space(runs=2)))
     rng = np.random.default_rng(2)
-    z, numbers = rng.uniform(-0.8, 0.8, terms.size), numbers_of(terms, rng)
-    own = terms.functions(SLOTS)
-    weights = np.zeros(own.values(z, numbers)[1].shape[0])
+    z, own = rng.uniform(-0.8, 0.8, terms.size), called(terms, chosen_of(terms, rng))
+    weights = np.zeros(own.values(z)[1].shape[0])
     weights[-SLOTS:] = rng.normal(size=SLOTS)
 
     def gradient(at: np.ndarray, of_rows: int) -> np.ndarray:
         if of_rows:
-            return np.array(own.jacobian(at, numbers)[1].T @ weights).ravel()
-        return np.array([weights @ np.array(own.values(at, numbers)[1]).ravel()])
+            return np.array(own.jacobian(at)[1].T @ weights).ravel()
+        return np.array([weights @ np.array(own.values(at)[1]).ravel()])
 
     steps = 1e-5 * np.eye(len(z))
     slopes, bends = (
@@ -444,7 +442,7 @@ def test_rows_of_instants_bend_as_their_slopes_change(limits: tuple[Limit, ...])
         for part in (0, 1)
     )
     np.testing.assert_allclose(slopes.ravel(), gradient(z, 1), atol=1e-7)
-    found = np.triu(np.array(own.hessian(z, numbers, np.zeros(terms.entry_count), weights)))
+    found = np.triu(np.array(own.hessian(z, np.zeros(terms.entry_count), weights)))
     assert np.abs(found).max() > 0.1
     np.testing.assert_allclose(found, np.triu(bends), atol=1e-7)
 
@@ -506,13 +504,14 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
 def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():
     problem = small_problem(limits=(WheelSpeed(bounds=(-2, 8)), BOX))
     z = np.random.default_rng(2).uniform(-1, 1, WrittenOut(problem).size)
-    assert_close(terms_of(problem).values(z)[0], WrittenOut(problem).functions().values(z)[0])
+    assert_close(terms_of(problem).at(z).entries[:, None], WrittenOut(problem).functions().values(z)[0])
 
 
 @pytest.mark.slow
 def test_input_limits_alone_leave_no_rows_of_instants():
     problem = small_problem(limits=input_limits, measurement=POSES)
-    terms, whole = terms_of(problem), WrittenOut(problem).functions()
-    z, rows = np.full(terms.size, 0.3), sum(len(one.lower) for one in terms.rows)
-    assert_close(terms.jacobian(z)[1], whole.jacobian(z)[1])
-    assert_close(terms.hessian(z, 1, np.ones(rows)), whole.hessian(z, 1, np.ones(rows)))
+    terms, whole = called(terms_of(problem)), WrittenOut(problem).functions()
+    z, rows = np.full(terms_of(problem).size, 0.3), sum(len(one.lower) for one in terms_of(problem).rows)
+    weights = np.ones(terms_of(problem).entry_count)
+    assert_close(terms.jacobian(z)[1], ca.densify(whole.jacobian(z)[1]))
+    assert_close(terms.hessian(z, weights, np.ones(rows)), whole.hessian(z, weights, np.ones(rows)))

@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.blocks import Packed
@@ -50,6 +50,16 @@ class Differentiated:
         matrix, _ = ca.hessian(ca.dot(weights, self._results), self._symbols[0])
         packed = Packed(matrix)
         return ca.Function("curvature", [*self._symbols, weights], [packed.entries]), packed.pattern
+
+    @property
+    def slope_pattern(self) -> Bools:
+        """Derivatives (k, n) that may differ from zero."""
+        return np.array(ca.DM(self._slopes[1], 1.0), dtype=bool)
+
+    @property
+    def curvature_pattern(self) -> Bools:
+        """Second derivatives (n, n) that may differ from zero."""
+        return np.array(ca.DM(self._curvature[1], 1.0), dtype=bool)
 
     @property
     def is_linear(self) -> bool:

@@ -137,8 +137,8 @@ class InstantRows:
         return np.stack([kept[..., limits == place].max(axis=-1) for place in self.limits], axis=-1)
 
     @cached_property
-    def chosen(self) -> Differentiated:
-        """Chosen rows, of the variables and of (constants of the instant, how much of each row)."""
+    def weighted(self) -> Differentiated:
+        """Sum of weighted rows, of the variables and of (constants of the instant, weight of each row)."""
         chosen = ca.SX.sym("chosen", self.count)
         row = ca.dot(chosen, self._rows)
         return Differentiated(self._unknowns, row, ca.vertcat(self._constants, chosen))

@@ -10,6 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.direct_call import mapped
+from oed.optimize.terms.chosen import ChosenRows
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.judged import Judged, JudgedAt
 from oed.optimize.terms.runs import Rolled, Runs
@@ -71,23 +72,6 @@ class Drives:
     linear: Array
     limits: Array
     information: Array
-
-
-@dataclass(frozen=True)
-class ChosenRows:
-    """Rows of instants at which a program looks, one a slot.
-
-    Attributes:
-        run: run of each slot's instant among those of all watched systems, (K,).
-        sample: sample in the run, (K,).
-        constants: constants of the instant, and how much of each row, (K, c + rows).
-        asked: derivatives of the inputs that splines ask for by z, (K, inputs, size); none asked for: 0.
-    """
-
-    run: Places
-    sample: Places
-    constants: Array
-    asked: Array
 
 
 class DriveAt:
@@ -187,7 +171,10 @@ class _Instants:
 
     def __init__(self, parts: CondensedParts, rolled: Rolled, chosen: ChosenRows, z: Array) -> None:
         self._parts, self._rolled, self.chosen, self._z = parts, rolled, chosen, z
-        self._rows = parts.instants.chosen
+        self._rows = parts.instants.weighted
+        shares = np.zeros((len(chosen), parts.instants.count))
+        shares[np.arange(len(chosen)), chosen.row] = chosen.share
+        self._constants = np.hstack([chosen.constants, shares])
 
     @property
     def places(self) -> tuple[Places, Places, Places]:
@@ -218,12 +205,12 @@ class _Instants:
     @cached_property
     def _steep(self) -> Array:
         # By the variables, (K, 1, variables).
-        return self._rows.slopes(self._variables, self.chosen.constants)
+        return self._rows.slopes(self._variables, self._constants)
 
     @property
     def values(self) -> Array:
         # The rows, (K,).
-        return self._rows.values(self._variables, self.chosen.constants)[:, 0]
+        return self._rows.values(self._variables, self._constants)[:, 0]
 
     @property
     def slopes(self) -> Array:
@@ -239,6 +226,6 @@ class _Instants:
         size = self._parts.size
         if self._rows.is_linear:
             return np.zeros((size, size))
-        inner = self._rows.curvature(self._variables, weights[:, None], self.chosen.constants)
+        inner = self._rows.curvature(self._variables, weights[:, None], self._constants)
         slopes = self._variable_slopes
         return np.asarray(slopes.reshape(-1, size).T @ np.matmul(inner, slopes).reshape(-1, size))

@@ -2,71 +2,82 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Places
+from oed.optimize.terms.chosen import ChosenRows
 from oed.optimize.terms.fixed_rows import FixedRows
-from oed.optimize.terms.point import ChosenRows, CondensedParts, DriveAt
+from oed.optimize.terms.point import CondensedParts, DriveAt
 
 
 class RowEntries:
-    """The rows of a program as entries: linear ones, those of whole runs, and slots behind them.
+    """The rows of a program: those that it always has, limit by limit, and slots behind them.
 
     Attributes:
         count: number of rows.
-        pattern: places of their derivatives by z.
+        row: row of each entry of their derivatives by z that may differ from 0, (n,).
+        column: unknown of each of these entries, (n,).
     """
 
     def __init__(self, fixed: FixedRows, parts: CondensedParts, slots: int) -> None:
-        """Lay them out, with so many slots."""
-        self._fixed, self._on_runs = fixed, parts.limits
-        self._linear, self._order = len(fixed.constant), np.array(fixed.order, dtype=int)
-        self.count, size = len(self._order) + slots, parts.size
-        linear = ca.sparsify(ca.DM(fixed.slope)) if self._linear else ca.DM(0, size)
-        patterns = [ca.DM(linear.sparsity(), 1.0)]
-        if parts.limits is not None:
-            patterns.append(ca.DM(parts.limits.pattern, 1.0))
-        all_rows = ca.vertcat(*patterns)[fixed.order, :] if self._order.size else ca.DM(0, size)
-        pattern = ca.vertcat(all_rows, ca.DM.ones(slots, size))
-        self.pattern: ca.Sparsity = pattern.sparsity()
-        row, self._column = (np.array(part, dtype=int) for part in self.pattern.get_triplet())
-        # Which of all rows, in the order in which they are computed.
-        source = np.append(self._order, self._linear + self._count_on_runs + np.arange(slots))
-        self._row = source[row] if len(row) else row
-        self._fixed_entries = np.zeros(len(self._row))
-        constant = self._row < self._linear
-        self._fixed_entries[constant] = fixed.slope[self._row[constant], self._column[constant]]
-        self._moving = np.flatnonzero(~constant)
+        """Lay them out.
 
-    @property
-    def _count_on_runs(self) -> int:
-        return 0 if self._on_runs is None else len(self._on_runs.moved)
+        Args:
+            fixed: rows that a program always has.
+            parts: parts of an evaluation.
+            slots: number of slots for rows of instants.
+        """
+        self._on_runs, self._linear = parts.limits, len(fixed.constant)
+        count = self._linear + (0 if parts.limits is None else len(parts.limits.moved))
+        # Which of all rows, in the order in which they are computed.
+        self._order = np.append(np.array(fixed.order, dtype=int), count + np.arange(slots))
+        self.count = len(self._order)
+        computed = np.zeros((count + slots, parts.size), dtype=bool)
+        computed[: self._linear] = fixed.slope != 0
+        if parts.limits is not None:
+            row, column = (np.array(part, dtype=int) for part in parts.limits.pattern.get_triplet())
+            computed[self._linear + row, column] = True
+        computed[count:] = True
+        self.row, self.column = (np.asarray(part) for part in np.nonzero(computed[self._order]))
+        self._source: Places = self._order[self.row]
+        self._entries = np.zeros(len(self.row))
+        is_linear = self._source < self._linear
+        self._entries[is_linear] = fixed.slope[self._source[is_linear], self.column[is_linear]]
+        self._moving = np.flatnonzero(~is_linear)
 
     def values(self, point: DriveAt, chosen: ChosenRows | None) -> Array:
-        """Return the rows."""
+        """Return the rows, of chosen instants in the slots."""
         rows = [point.drive.linear[0]]
         if self._on_runs is not None:
             rows.append(point.run_rows)
-        values = np.concatenate(rows)[self._order]
-        return values if chosen is None else np.concatenate([values, point.instants(chosen).values])
+        if chosen is not None:
+            rows.append(point.instants(chosen).values)
+        return np.asarray(np.concatenate(rows)[self._order])
 
     def slopes(self, point: DriveAt, chosen: ChosenRows | None) -> Array:
-        """Return the entries of their derivatives, in the order of the pattern."""
-        entries = self._fixed_entries.copy()
-        if not len(self._moving):
+        """Return the entries (n,) of their derivatives."""
+        entries, places = self._entries.copy(), self._moving
+        if not len(places):
             return entries
         rows = [np.zeros((0, point.z.size))]
         if self._on_runs is not None:
             rows.append(point.run_row_slopes)
         if chosen is not None:
             rows.append(point.instants(chosen).slopes)
-        table = np.concatenate(rows)
-        entries[self._moving] = table[self._row[self._moving] - self._linear, self._column[self._moving]]
+        entries[places] = np.concatenate(rows)[self._source[places] - self._linear, self.column[places]]
         return entries
 
-    def weights(self, weights: Array) -> tuple[Array, Array]:
-        """Return the weights of the rows of whole runs, and of the slots, among weights of all rows."""
-        every = np.zeros(self._linear + self._count_on_runs)
-        every[self._order] = weights[: len(self._order)]
-        return every[self._linear :], weights[len(self._order) :]
+    def curvature(self, point: DriveAt, entries: Array, rows: Array, chosen: ChosenRows | None) -> Array:
+        """Return second derivatives (size, size) by z of weighted entries of the information and rows.
+
+        Args:
+            point: evaluation of the drive.
+            entries: weights of the entries, (e,).
+            rows: weights of the rows, (count,).
+            chosen: rows of instants in the slots.
+        """
+        every = np.zeros(self.count)
+        every[self._order] = rows
+        slots = 0 if chosen is None else len(chosen)
+        _, on_runs, on_instants = np.split(every, [self._linear, self.count - slots])
+        return point.curvature(entries, on_runs, on_instants, chosen)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 import casadi as ca
@@ -15,7 +14,6 @@ from oed.kernel.dynamics.system import follows_state
 from oed.kernel.measurement.filter import reads_of
 from oed.kernel.problem import Problem
 from oed.kernel.tightening import Scenarios
-from oed.optimize.terms.calls import ArrayFunction
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.differentiated import Differentiated
 from oed.optimize.terms.fixed_rows import FixedRows
@@ -24,34 +22,17 @@ from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.judged import AddedInformation, Judged, WholeInformation
 from oed.optimize.terms.motion_cell import MotionCell
 from oed.optimize.terms.needs import needs_of
-from oed.optimize.terms.point import ChosenRows, CondensedParts, DriveAt, Drives
+from oed.optimize.terms.point import CondensedParts, DriveAt, Drives
 from oed.optimize.terms.rows import RowEntries
 from oed.optimize.terms.run_unknowns import RunUnknowns
 from oed.optimize.terms.runs import Runs, RunValues
 from oed.optimize.terms.sample_cell import SampleCell, read_at_end
-from oed.optimize.terms.slots import Slots
 from oed.optimize.terms.unknowns import Unknowns
 from oed.optimize.terms.whole import LimitsOnRuns
 from oed.optimize.terms.whole_rows import information_formulas, limit_formulas
 
 TOGETHER = 40_000
 """Samples of candidates that are scored at once: what they hand on takes some hundred bytes each."""
-
-
-@dataclass(frozen=True)
-class Functions:
-    """A search's functions of z, and of the numbers that say which rows the slots are of, if there are any.
-
-    Attributes:
-        values: (z, numbers) -> entries of the matrices, rows, those of the slots behind all others.
-        jacobian: (z, numbers) -> derivatives of the entries (dense), and of the rows.
-        hessian: (z, numbers, weights of the entries, of the rows) -> second derivatives of the weighted sum,
-            on and above the diagonal.
-    """
-
-    values: ca.Function
-    jacobian: ca.Function
-    hessian: ca.Function
 
 
 class Terms(Unknowns):
@@ -84,7 +65,6 @@ class Terms(Unknowns):
         drive = self._drive(limits, judged)
         self._parts = CondensedParts(drive, judged, runs, limits, self.instants)
         self._point: DriveAt | None = None
-        self._latest: tuple[Array, ChosenRows] | None = None
 
     def _judged(self) -> Judged:
         # Of samples that add up, or else of whole drives.
@@ -158,25 +138,6 @@ class Terms(Unknowns):
                 moved[:, places] |= by_held @ (runs.held_slopes[sample] != 0)
         return moved_by.reshape(self._places.runs * runs.samples, states, self.size)
 
-    def slots(self, count: int) -> Slots:
-        """Return so many slots for rows of instants."""
-        return Slots(self.instants, self.embedding, count)
-
-    @property
-    def values(self) -> ca.Function:
-        """The function `values` without slots."""
-        return self.functions().values
-
-    @property
-    def jacobian(self) -> ca.Function:
-        """The function `jacobian` without slots."""
-        return self.functions().jacobian
-
-    @property
-    def hessian(self) -> ca.Function:
-        """The function `hessian` without slots."""
-        return self.functions().hessian
-
     @property
     def entry_count(self) -> int:
         """Number of entries of all matrices of all judged systems."""
@@ -187,9 +148,8 @@ class Terms(Unknowns):
         """Rows that are a constant plus a multiple of a single unknown: those rows, the unknowns, the
         multiples, the constants.
         """
-        nothing = np.zeros(self.size)
-        slope = self.jacobian(nothing)[1]
-        rows, columns = (np.array(part, dtype=int) for part in slope.sparsity().get_triplet())
+        entries, point = self.entries_of_rows(), self.at(np.zeros(self.size))
+        rows, columns = entries.row, entries.column
         counts = np.array([len(limit.lower) for limit in self.rows], dtype=int)
         linear = np.repeat(np.array(self.linear, dtype=bool), counts)
         single = np.flatnonzero(linear & (np.bincount(rows, minlength=len(linear)) == 1))
@@ -197,8 +157,8 @@ class Terms(Unknowns):
         place = np.zeros(len(linear), dtype=int)
         place[rows] = np.arange(len(rows))
         entry = place[single]
-        constants = np.array(self.values(nothing)[1]).ravel()[single]
-        return single, columns[entry], np.array(slope.nonzeros())[entry], constants
+        constants, slopes = entries.values(point, None)[single], entries.slopes(point, None)[entry]
+        return single, columns[entry], slopes, constants
 
     def at(self, z: Array) -> DriveAt:
         """Return the evaluation at z, the last one again where z is the same."""
@@ -206,74 +166,9 @@ class Terms(Unknowns):
             self._point = DriveAt(self._parts, z.copy())
         return self._point
 
-    @cached_property
-    def _functions(self) -> dict[int, Functions]:
-        return {}
-
-    def functions(self, slots: int = 0) -> Functions:
-        """Return the terms' functions with so many slots for rows of instants."""
-        if slots not in self._functions:
-            self._functions[slots] = self._functions_with(slots)
-        return self._functions[slots]
-
-    def _functions_with(self, count: int) -> Functions:
-        rows = RowEntries(self._fixed, self._parts, count)
-        width = [self.slots(count).width] if count else []
-        entries = self.entry_count
-
-        def values(z: Array, *numbers: Array) -> list[Array]:
-            point = self.at(z)
-            return [point.entries, rows.values(point, self._chosen(count, *numbers))]
-
-        def slopes(z: Array, *numbers: Array) -> list[Array]:
-            point = self.at(z)
-            by_z = point.entry_slopes.ravel(order="F")
-            return [by_z, rows.slopes(point, self._chosen(count, *numbers))]
-
-        def curvature(z: Array, *arguments: Array) -> list[Array]:
-            *numbers, weights, on_rows = arguments
-            on_runs, on_instants = rows.weights(on_rows)
-            matrix = self.at(z).curvature(weights, on_runs, on_instants, self._chosen(count, *numbers))
-            return [matrix.T[self._upper]]
-
-        dense, size = ca.Sparsity.dense, self.size
-        sizes = [size, *width]
-        return Functions(
-            ArrayFunction("terms", sizes, [dense(entries, 1), dense(rows.count, 1)], values),
-            ArrayFunction("slopes", sizes, [dense(entries, size), rows.pattern], slopes),
-            ArrayFunction("curvature", [*sizes, entries, rows.count], [ca.Sparsity.upper(size)], curvature),
-        )
-
-    @cached_property
-    def _upper(self) -> tuple[Places, ...]:
-        return np.tril_indices(self.size)
-
-    def _chosen(self, count: int, numbers: Array | None = None) -> ChosenRows | None:
-        # Which rows the numbers of so many slots stand for; a program asks for the same again and again.
-        if numbers is None:
-            return None
-        if self._latest is None or not np.array_equal(self._latest[0], numbers):
-            self._latest = numbers.copy(), self._chosen_rows(count, numbers)
-        return self._latest[1]
-
-    def _chosen_rows(self, count: int, numbers: Array) -> ChosenRows:
-        slots = self.slots(count)
-        order, inputs, size = slots.order, self.embedding.inputs, self.size
-        edges = np.cumsum([count, count, order * count, order * count])
-        sample, elapsed, basis, places, chosen = np.split(numbers, edges)
-        run, place_in_run = np.divmod(sample.astype(int), self.problem.design.samples)
-        spline_slopes = np.zeros((count, inputs if order else 0, size))
-        if order:
-            columns = places.reshape(count, order).astype(int)
-            stride = self.embedding.sizes[0]
-            for place in range(inputs):
-                rows = np.arange(count)[:, None], np.full_like(columns, place), columns + place * stride
-                np.add.at(spline_slopes, rows, basis.reshape(count, order))
-        systems = run // self._places.runs
-        constants = np.hstack(
-            [self.instants.constants(systems, elapsed), chosen.reshape(count, self.instants.count)]
-        )
-        return ChosenRows(run, place_in_run, constants, spline_slopes)
+    def entries_of_rows(self, slots: int = 0) -> RowEntries:
+        """Return all rows of a program with so many slots for rows of instants."""
+        return RowEntries(self._fixed, self._parts, slots)
 
     @property
     def written(self) -> int:

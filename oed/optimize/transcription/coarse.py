@@ -65,8 +65,7 @@ class SearchGrid:
     def _shares(self) -> Array:
         # Ratio of the information of all samples to that of the grid, for every entry, on a typical drive.
         (drive,) = random_drives(self.design, np.array([0.5]), np.random.default_rng(0))
-        entries, _ = self._fine.values(drive)
-        fine = stacks(np.array(entries), self.design.sizes)
+        fine = stacks(self._fine.at(drive).entries[:, None], self.design.sizes)
         coarse = self.design.matrices_of(drive)[0]
         ratios = [np.trace(stack[0]) / np.trace(matrix) for stack, matrix in zip(fine, coarse, strict=True)]
         return np.repeat(ratios, [len(matrix) * (len(matrix) + 1) // 2 for matrix in coarse])
@@ -83,9 +82,8 @@ class SearchGrid:
         """Return the information matrices of every robot judged at z, with corrections."""
         if not self.coarse:
             return self.design.matrices_of(unknowns)
-        coarse, _ = self.design.terms.values(unknowns)
         added = np.array(self._added(corrections, unknowns)).ravel()
-        entries = self._shares * np.array(coarse).ravel() + added
+        entries = self._shares * self.design.terms.at(unknowns).entries + added
         if not np.isfinite(entries).all():
             # Every drive that is not finite counts as uninformative.
             entries = np.zeros_like(entries)
@@ -100,13 +98,9 @@ class SearchGrid:
         """Return corrections that give the grid, at z and to first order, the information of all samples."""
         if not self.coarse:
             return self.no_correction
-        coarse, _ = self.design.terms.values(unknowns)
-        coarse_slopes, _ = self.design.terms.jacobian(unknowns)
-        fine, _ = self._fine.values(unknowns)
-        fine_slopes, _ = self._fine.jacobian(unknowns)
-        shares = self._shares
-        gaps = np.array(fine).ravel() - shares * np.array(coarse).ravel()
-        slopes = np.array(fine_slopes) - shares[:, None] * np.array(coarse_slopes)
+        coarse, fine, shares = self.design.terms.at(unknowns), self._fine.at(unknowns), self._shares
+        gaps = fine.entries - shares * coarse.entries
+        slopes = fine.entry_slopes - shares[:, None] * coarse.entry_slopes
         return np.concatenate([gaps - slopes @ unknowns, slopes.ravel(order="F")])
 
     @cached_property

@@ -14,9 +14,10 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-from oed.optimize.terms.slots import Chosen
-from oed.optimize.transcription.chain import ChainRule, Frame
+from oed.optimize.terms.chosen import ChosenRows
 from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.frame import Frame
+from oed.optimize.transcription.functions import ProgramFunctions
 from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 
@@ -108,9 +109,8 @@ def slots_for(rows: int) -> int:
 class _BuiltProgram:
     # A program with a fixed number of slots, and its solvers.
 
-    def __init__(self, chain: ChainRule, frame: Frame, options: dict[str, Any]) -> None:
-        self.frame, self._program = frame, chain.program
-        self._options = {**IPOPT_OPTIONS, **chain.derivatives, **options}
+    def __init__(self, functions: ProgramFunctions, frame: Frame, options: dict[str, Any]) -> None:
+        self.frame, self.functions, self._options = frame, functions, {**IPOPT_OPTIONS, **options}
         self._solvers: dict[tuple[float | None, float | None, bool], ca.Function] = {}
 
     def solver(self, barrier: float | None, tolerance: float | None, *, warm: bool = False) -> ca.Function:
@@ -129,7 +129,7 @@ class _BuiltProgram:
                 options |= {**WARM_OPTIONS, "ipopt.max_iter": most}
             if barrier is not None:
                 options["ipopt.mu_init"] = barrier
-            self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, options)
+            self._solvers[key] = self.functions.solver(options)
         return self._solvers[key]
 
 
@@ -152,6 +152,7 @@ class Program:
         auxiliary: further unknowns, (k,).
         equalities: expressions that must vanish, (e,).
         floors: expressions with lower bounds that each call sets, (f,).
+        constants: symbols whose values each call sets, (c,).
         relaxing: True where each auxiliary unknown relaxes one limit, in units of the limit's size.
         options: options of Ipopt, added to `IPOPT_OPTIONS`.
     """
@@ -164,21 +165,29 @@ class Program:
         auxiliary: Expression,
         equalities: Expression,
         floors: Expression,
+        constants: Expression | None = None,
         relaxing: bool = False,
         options: dict[str, Any] | None = None,
     ) -> None:
         """Store the parts; the program is built at the first call of `solve`."""
         self.design = design
         self._equalities, self._floors = equalities.shape[0], floors.shape[0]
-        self._parts = objective, auxiliary, ca.vertcat(equalities, floors)
+        self._objective, self._parts = (
+            objective,
+            {
+                "auxiliary": auxiliary,
+                "conditions": ca.vertcat(equalities, floors),
+                "constants": ca.SX(0, 1) if constants is None else constants,
+            },
+        )
         self._relaxing, self._options = relaxing, options or {}
         self._with_slots: dict[int, _BuiltProgram] = {}
 
     def _build(self, slots: int) -> _BuiltProgram:
         if slots not in self._with_slots:
             frame = Frame(self.design.terms, relaxing=self._relaxing, slots=slots)
-            chain = ChainRule(self.design, frame, *self._parts)
-            self._with_slots[slots] = _BuiltProgram(chain, frame, self._options)
+            functions = ProgramFunctions(self.design, frame, self._objective, **self._parts)
+            self._with_slots[slots] = _BuiltProgram(functions, frame, self._options)
         return self._with_slots[slots]
 
     def solve(
@@ -187,13 +196,14 @@ class Program:
         auxiliary: Array,
         *,
         floors: Array | None = None,
+        constants: Array | None = None,
         backoff: Array | None = None,
         auxiliary_lower: Array | None = None,
         auxiliary_upper: Array | None = None,
         after: IpoptOutcome | None = None,
         barrier: float | None = None,
         tolerance: float | None = None,
-        chosen: Chosen | None = None,
+        chosen: ChosenRows | None = None,
     ) -> IpoptOutcome:
         """Solve from a start.
 
@@ -204,6 +214,7 @@ class Program:
             unknowns: first values of z, (n,).
             auxiliary: first values of the auxiliary unknowns, (k,).
             floors: lower bounds of the floors, (f,); 0 by default.
+            constants: values of the constants, (c,); none by default.
             backoff: share of its size by which each limit is tightened, (limits,); 0 by default.
             auxiliary_lower: lower bounds of the auxiliary unknowns, (k,).
             auxiliary_upper: upper bounds of the auxiliary unknowns, (k,).
@@ -212,8 +223,11 @@ class Program:
             tolerance: tolerance of Ipopt instead of the one in the options.
             chosen: rows of instants that hold in addition to all other rows.
         """
-        slots = 0 if chosen is None else slots_for(len(chosen))
-        built = self._build(slots)
+        built = self._build(0 if chosen is None else slots_for(len(chosen)))
+        if chosen is not None:
+            chosen = chosen.padded(slots_for(len(chosen)))
+        built.functions.chosen = chosen
+        built.functions.constants = np.zeros(0) if constants is None else constants
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = built.frame.bounds(shares, chosen)
         zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
@@ -226,8 +240,6 @@ class Program:
             "lbx": np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
             "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
         }
-        if chosen is not None:
-            arguments["p"] = chosen.numbers(slots)
         outcome = self._solve_after(built, arguments, after, barrier, tolerance)
         if not outcome.succeeded or self._relaxing:
             # Multipliers mean nothing away from an optimum.

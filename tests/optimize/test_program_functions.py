@@ -1,4 +1,4 @@
-"""Programs put together by the chain rule, against finite differences of the program itself."""
+"""Functions of programs, put together by the chain rule, against finite differences of the program itself."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.solution import Status
 from oed.optimize import Ipopt, solve
 from oed.optimize.terms import terms_of
-from oed.optimize.transcription.chain import ChainRule, Frame
 from oed.optimize.transcription.design import DesignExpressions, smooth_objective
+from oed.optimize.transcription.frame import Frame
+from oed.optimize.transcription.functions import ProgramFunctions
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.space import DesignSpace
@@ -52,7 +53,7 @@ VARIANTS = {
 }
 
 
-def make_chain(overrides: dict, *, bent: bool = False) -> tuple[ChainRule, np.ndarray]:
+def make_functions(overrides: dict, *, bent: bool = False) -> tuple[ProgramFunctions, np.ndarray]:
     """A search's program, and a point of it."""
     design = DesignExpressions(problem_of(**{"design": DesignSpace(**SPACE), **overrides}))
     robots = [[matrix / design.scale for matrix in own] for own in design.robots]
@@ -60,32 +61,37 @@ def make_chain(overrides: dict, *, bent: bool = False) -> tuple[ChainRule, np.nd
     target = sought.maximised
     if bent:
         target = sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in robots[0])
-    conditions = ca.vertcat(sought.equalities, sought.floors)
-    chain = ChainRule(design, Frame(design.terms, relaxing=False), target, sought.variables, conditions)
+    functions = ProgramFunctions(
+        design,
+        Frame(design.terms, relaxing=False),
+        target,
+        auxiliary=sought.variables,
+        conditions=ca.vertcat(sought.equalities, sought.floors),
+        constants=ca.SX(0, 1),
+    )
     z = np.random.default_rng(1).uniform(-0.5, 0.5, design.terms.size)
     numeric = [[matrix / design.scale for matrix in own] for own in design.matrices_of(z)]
-    return chain, np.concatenate([z, sought.initial(numeric)])
+    return functions, np.concatenate([z, sought.initial(numeric)])
 
 
-def check(chain: ChainRule, point: np.ndarray) -> None:
+def check(functions: ProgramFunctions, point: np.ndarray) -> None:
     """Gradient and Jacobian are the program's slopes, the Hessian that of its Lagrangian."""
-    program, given = chain.program, chain.derivatives
-    values = ca.Function("values", [program["x"]], [program["f"], program["g"]])
-    slope = oracle.central_difference(lambda x: np.array(values(x)[0]), point, 1e-6).ravel()
-    found = np.array(given["grad_f"](point, [])[1]).ravel()
+    called = functions.called
+    slope = oracle.central_difference(functions.objective, point, 1e-6).ravel()
+    found = np.array(called["grad_f"](point, [])[1]).ravel()
     np.testing.assert_allclose(found, slope, rtol=1e-5, atol=1e-6 * (1 + np.abs(slope).max()))
-    rows, jacobian = map(np.array, given["jac_g"](point, []))
-    np.testing.assert_array_equal(rows, np.array(values(point)[1]))
-    expected = oracle.central_difference(lambda x: np.array(values(x)[1]), point, 1e-6)
+    rows, jacobian = (np.array(ca.densify(part)) for part in called["jac_g"](point, []))
+    np.testing.assert_array_equal(rows, np.array(called["g"](point)))
+    expected = oracle.central_difference(functions.rows, point, 1e-6)
     np.testing.assert_allclose(jacobian, expected, rtol=1e-5, atol=1e-6 * (1 + np.abs(expected).max()))
     multipliers = np.random.default_rng(2).normal(size=len(rows))
 
     def lagrangian_slope(x: np.ndarray) -> np.ndarray:
-        through = np.array(given["jac_g"](x, [])[1]).T @ multipliers
-        return 0.7 * np.array(given["grad_f"](x, [])[1]).ravel() + through
+        through = np.array(ca.densify(called["jac_g"](x, [])[1])).T @ multipliers
+        return 0.7 * functions.gradient(x) + through
 
     expected = oracle.central_difference(lagrangian_slope, point, 1e-5)
-    upper = np.array(given["hess_lag"](point, [], 0.7, multipliers))
+    upper = np.array(ca.densify(called["hess_lag"](point, [], 0.7, multipliers)))
     size = 1e-5 * (1 + np.abs(expected).max())
     np.testing.assert_allclose(upper, np.triu(expected), rtol=1e-4, atol=size)
 
@@ -93,23 +99,30 @@ def check(chain: ChainRule, point: np.ndarray) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("overrides", VARIANTS.values(), ids=VARIANTS.keys())
 def test_derivatives_are_finite_differences(overrides: dict):
-    check(*make_chain(overrides))
+    check(*make_functions(overrides))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["E", "A, both regressions"])
 def test_so_are_those_of_an_objective_that_bends_with_the_information(name: str):
-    check(*make_chain(VARIANTS[name], bent=True))
+    check(*make_functions(VARIANTS[name], bent=True))
 
 
 def test_a_relaxed_program_holds_every_row_twice():
     design = DesignExpressions(problem_of(design=DesignSpace(**SPACE)))
     frame = Frame(design.terms, relaxing=True)
     relaxation = ca.SX.sym("relaxation", len(design.terms.rows))
-    chain = ChainRule(design, frame, -ca.sum1(relaxation), relaxation, ca.SX(0, 1))
+    functions = ProgramFunctions(
+        design,
+        frame,
+        -ca.sum1(relaxation),
+        auxiliary=relaxation,
+        conditions=ca.SX(0, 1),
+        constants=ca.SX(0, 1),
+    )
     point = np.concatenate([np.random.default_rng(0).uniform(-1, 1, design.terms.size), [0.1, 0.2, 0.3]])
-    check(chain, point)
-    assert chain.program["g"].shape[0] == 2 * sum(len(rows.lower) for rows in design.terms.rows)
+    check(functions, point)
+    assert functions.count == 2 * sum(len(rows.lower) for rows in design.terms.rows)
 
 
 def test_bounds_of_single_unknowns_are_bounds_and_tighten_with_their_limit():
