@@ -54,6 +54,17 @@ class _Subset:
     low: Array
     high: Array
 
+    def budgets(self, budgets: Sequence[Budget]) -> list[Budget] | None:
+        """Return what budgets leave beside the lower numbers; None if no weights keep to them."""
+        remaining = list[Budget]()
+        for budget in budgets:
+            total, tops = budget.total - budget.spent(self.low), (self.high - self.low)[list(budget.places)]
+            if not -INTEGRALITY <= total <= float(np.array(budget.sizes) @ tops) + INTEGRALITY:
+                return None
+            if total > INTEGRALITY:
+                remaining.append(replace(budget, total=total, tops=tuple(tops)))
+        return remaining
+
 
 @typed
 def exact_weights(
@@ -122,43 +133,18 @@ class _BranchAndBound:
             self.best = exchanged_weights(self.criterion, self.parts, weights, self.budgets)
 
     def _relax(self, node: _Subset) -> tuple[Array, float] | None:
-        # The best relaxed weights and their bound, with readings that are surely taken as prior information;
-        # None where no weights are left within the budgets.
-        free = set(np.flatnonzero(node.high > node.low).tolist())
-        budgets = list[Budget]()
-        for budget in self.budgets:
-            total = budget.total - budget.spent(node.low)
-            members = [place for place in budget.places if place in free]
-            sizes = [size for place, size in zip(budget.places, budget.sizes, strict=True) if place in free]
-            tops = (node.high - node.low)[members]
-            if total < -INTEGRALITY or total > float(np.array(sizes) @ tops) + INTEGRALITY:
-                return None
-            if members and total > INTEGRALITY:
-                rest = replace(
-                    budget, places=tuple(members), sizes=tuple(sizes), total=total, tops=tuple(tops)
-                )
-                budgets.append(rest)
-        taken = sorted(place for budget in budgets for place in budget.places)
-        self.solved += 1
-        if not taken:
-            return node.low, criterion_value(self.criterion, self.parts, node.low)
-        readings = np.array(taken)
-        number = {place: at for at, place in enumerate(taken)}
-        budgets = [
-            replace(budget, places=tuple(number[place] for place in budget.places)) for budget in budgets
-        ]
-        some = self.parts.taken(node.low, readings)
-        if not self._identifies(some, budgets):
+        # The best relaxed weights and their bound, with the lower numbers as prior information; None where
+        # no weights are left within the budgets, or none that identify the judged parameters.
+        budgets = node.budgets(self.budgets)
+        if budgets is None:
             return None
+        self.solved += 1
+        some = self.parts.taken(node.low, np.arange(len(node.low)))
         best = best_weights(self.criterion, some, budgets)
-        weights = node.low.copy()
-        weights[readings] += best.values
-        return weights, weight_bound(self.criterion, some, best.values, best.gradient, budgets)
-
-    def _identifies(self, parts: Parts, budgets: Sequence[Budget]) -> bool:
-        # Where even weights do not identify the judged parameters, no choice of readings is any good.
-        even = weights_by_budget(budgets, len(parts.readings), lambda budget: budget.even * budget.upper)
-        return bool(self.criterion.identifiable([parts.root(even)]))
+        if not best.gradient.any():
+            return None
+        bound = weight_bound(self.criterion, some, best.values, best.gradient, budgets)
+        return node.low + best.values, bound
 
 
 def _branches(node: _Subset, weights: Array) -> Iterator[_Subset]:
