@@ -142,30 +142,6 @@ class Volume(WeightObjective):
         return _without_level(program, rows, np.hstack([squares, _products(rows, point.eliminated)]))
 
 
-class Variance(WeightObjective):
-    """The objective minus a variance of predictions, -tr C S^-1."""
-
-    def __init__(self, predictions: Array) -> None:
-        """Store rows (c, p) whose square is C."""
-        self.predictions = predictions
-
-    def gradient(self, point: Projection, dual: Array) -> Array:
-        """Return the gradient S^-1 C S^-1."""
-        return _variance_gradient(point.information, self.predictions)
-
-    def value(self, point: Projection, level: float, barrier: float) -> float:
-        """Return minus the variance."""
-        return -float(_variances(point.information, [self.predictions])[0])
-
-    def slope(
-        self, program: WeightProgram, point: Projection, level: float, barrier: float, dual: Array
-    ) -> Slope:
-        """Return the derivatives."""
-        root = _inverse_root(point.information)
-        rows = point.judged @ reduced(self.predictions @ root.T @ root).T
-        return _without_level(program, rows, _products(rows, point.whitened(root)))
-
-
 class SmallestEigenvalue(WeightObjective):
     """The barrier problem t + mu log det (S - t W), with multipliers Z (p, p)."""
 
@@ -226,33 +202,51 @@ class SmallestEigenvalue(WeightObjective):
 
 
 class LargestVariance(WeightObjective):
-    """The barrier problem t + mu sum log(-t - tr C_l S^-1) of several variances, each with a multiplier."""
+    """The objective minus the largest of several variances of predictions, -max tr C_l S^-1.
+
+    One variance is an objective by itself. Several are the barrier problem
+    t + mu sum log(-t - tr C_l S^-1), with a multiplier of each.
+    """
 
     def __init__(self, predictions: Sequence[Array]) -> None:
         """Store rows (c, p) of each variance, whose square is C_l."""
-        self.predictions, self.barriers = predictions, len(predictions)
+        self.predictions = predictions
+        self.barriers = len(predictions) if len(predictions) > 1 else 0
 
     def first_level(self, point: Projection) -> float:
         """Return a level below minus the largest variance."""
-        return -1.5 * float(_variances(point.information, self.predictions).max())
+        return -1.5 * float(self._variances(point).max()) if self.barriers else 0.0
+
+    def _variances(self, point: Projection) -> Array:
+        root = _inverse_root(point.information)
+        return np.array([np.sum((rows @ root.T) ** 2) for rows in self.predictions])
 
     def _spare(self, point: Projection, level: float) -> Array:
-        return np.asarray(-level - _variances(point.information, self.predictions))
+        return np.asarray(-level - self._variances(point))
+
+    def _turned(self, point: Projection, dual: Array) -> Array:
+        # Rows whose square is S^-1 C S^-1, where C is the mixture of all C_l.
+        root, shares = _inverse_root(point.information), dual if self.barriers else np.ones(1)
+        mixed = [share**0.5 * rows for share, rows in zip(shares, self.predictions, strict=True)]
+        return reduced(np.vstack(mixed) @ root.T @ root)
 
     def products(self, point: Projection, level: float, dual: Array) -> float:
         """Return the sum of the products of the variances' distances and multipliers."""
-        return float(dual @ self._spare(point, level))
+        return float(dual @ self._spare(point, level)) if self.barriers else 0.0
 
     def central(self, point: Projection, level: float, barrier: float) -> Array:
-        """Return the multipliers mu / (-t - tr C_l S^-1)."""
-        return np.asarray(barrier / self._spare(point, level))
+        """Return the multipliers mu / (-t - tr C_l S^-1); (0,) of one variance."""
+        return np.asarray(barrier / self._spare(point, level)) if self.barriers else np.zeros(0)
 
     def gradient(self, point: Projection, dual: Array) -> Array:
-        """Return the gradient S^-1 C S^-1, where C is the mixture of all C_l."""
-        return _variance_gradient(point.information, _stacked(dual, self.predictions))
+        """Return the gradient S^-1 C S^-1."""
+        rows = self._turned(point, dual)
+        return np.asarray(rows.T @ rows)
 
     def value(self, point: Projection, level: float, barrier: float) -> float:
         """Return the objective."""
+        if not self.barriers:
+            return -float(self._variances(point)[0])
         spare = self._spare(point, level)
         return level + barrier * float(np.log(spare).sum()) if spare.min() > 0 else -np.inf
 
@@ -260,12 +254,15 @@ class LargestVariance(WeightObjective):
         self, program: WeightProgram, point: Projection, level: float, barrier: float, dual: Array
     ) -> Slope:
         """Return the derivatives."""
-        root, central = _inverse_root(point.information), self.central(point, level, barrier)
+        root, rows = _inverse_root(point.information), point.judged @ self._turned(point, dual).T
+        curvature = _products(rows, point.whitened(root))
+        if not self.barriers:
+            return _without_level(program, rows, curvature)
+        central = self.central(point, level, barrier)
         steep = np.sqrt(dual / self._spare(point, level))
-        rows = point.judged @ reduced(_stacked(dual, self.predictions) @ root.T @ root).T
         legs = [point.judged @ (leg @ root.T @ root).T for leg in self.predictions]
         falls = np.stack([(leg**2).sum(axis=1) for leg in legs], axis=1)
-        curvature = np.hstack([falls * steep, _products(rows, point.whitened(root))])
+        curvature = np.hstack([falls * steep, curvature])
         level_curvature = np.zeros((1, curvature.shape[1]))
         level_curvature[0, : self.barriers] = -steep
         return Slope(
@@ -292,22 +289,6 @@ def _without_level(program: WeightProgram, rows: Array, curvature: Array) -> Slo
 def _products(rows: Array, factors: Array) -> Array:
     # All products of the entries of two rows, times sqrt(2), (k, a b).
     return np.asarray(np.sqrt(2.0) * np.einsum("ka,kb->kab", rows, factors).reshape(len(rows), -1))
-
-
-def _stacked(shares: Array, predictions: Sequence[Array]) -> Array:
-    # Rows whose square is the weighted sum of the squares of each prediction's rows.
-    return np.vstack([share**0.5 * rows for share, rows in zip(shares, predictions, strict=True)])
-
-
-def _variances(information: Array, predictions: Sequence[Array]) -> Array:
-    root = _inverse_root(information)
-    return np.array([np.sum((rows @ root.T) ** 2) for rows in predictions])
-
-
-def _variance_gradient(information: Array, predictions: Array) -> Array:
-    root = _inverse_root(information)
-    rows = predictions @ root.T @ root
-    return np.asarray(rows.T @ rows)
 
 
 def _log_determinant(matrix: Array) -> float:
@@ -344,11 +325,11 @@ def weight_objective(criterion: Criterion, units: Array) -> WeightObjective:
         weighing = units.T @ units
         return SmallestEigenvalue(weighing / np.linalg.norm(weighing, 2))
     if isinstance(criterion, A):
-        return Variance(units / np.linalg.norm(units))
+        return LargestVariance([units / np.linalg.norm(units)])
     if not isinstance(criterion, G | I):
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D, A, G or I")
     predictions = [np.array(rows) @ units for rows in criterion.rows[0]]
     largest = max(np.linalg.norm(rows) for rows in predictions)
     predictions = [rows / largest for rows in predictions]
-    return Variance(np.vstack(predictions)) if isinstance(criterion, I) else LargestVariance(predictions)
+    return LargestVariance([np.vstack(predictions)] if isinstance(criterion, I) else predictions)
