@@ -16,12 +16,10 @@ from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
 from oed.kernel.problem import Problem
 
-SLIGHT = 1e-6
-"""Share of a matrix in the sum below which it is left out."""
-OUTSIDE = 1e9
-"""Excess for singular sums of Z, which give no bound on D."""
-OPTIONS = {"gtol": 1e-12}
-"""Options of the minimiser: it ends at slopes near rounding."""
+LEAST = 1e-8
+"""Least share tried, for slopes are infinite where the sum is singular; what ends there counts as 0."""
+OPTIONS = {"ftol": 1e-15, "maxiter": 1000}
+"""Options of the minimiser: it ends at changes near rounding."""
 
 
 def combined_bounds(problem: Problem, bounds: Sequence[Bound]) -> Iterator[Bound]:
@@ -60,8 +58,7 @@ def combined_bounds(problem: Problem, bounds: Sequence[Bound]) -> Iterator[Bound
 def best_shares(criterion: Criterion, matrices: Array) -> Array:
     """Return the shares of the sum of Z that bounds a criterion lowest.
 
-    The bound is quasiconvex in the shares, so a descent from equal shares ends at the lowest one; logarithms
-    keep the shares positive.
+    The bound is quasiconvex in the shares, so a descent from equal shares ends at the lowest one.
 
     Args:
         criterion: criterion D or A.
@@ -83,21 +80,14 @@ def best_shares(criterion: Criterion, matrices: Array) -> Array:
 
     # Change of the bound per relative change of the information.
     first, scale = bound(equal), -float(equal @ slope(equal))
-
-    def excess(logs: Array) -> tuple[float, Array]:
-        shares = _normalised(logs)
-        value = bound(shares)
-        if not np.isfinite(value):
-            return OUTSIDE, np.zeros(len(shares))
-        by_share = slope(shares)
-        return (value - first) / scale, shares * (by_share - shares @ by_share) / scale
-
-    solution = scipy.optimize.minimize(excess, np.zeros(len(equal)), jac=True, method="BFGS", options=OPTIONS)
-    trial = _normalised(solution.x)
-    trial = np.where(trial > SLIGHT, trial, 0.0)
+    solution = scipy.optimize.minimize(
+        lambda shares: ((bound(shares) - first) / scale, slope(shares) / scale),
+        equal,
+        jac=True,
+        method="SLSQP",
+        bounds=[(LEAST, 1.0)] * len(equal),
+        constraints={"type": "eq", "fun": lambda shares: shares.sum() - 1, "jac": np.ones_like},
+        options=OPTIONS,
+    )
+    trial = np.where(solution.x > 2 * LEAST, solution.x, 0.0)
     return np.asarray(min(equal, trial / trial.sum(), key=bound))
-
-
-def _normalised(logs: Array) -> Array:
-    exponentials = np.exp(logs - logs.max())
-    return np.asarray(exponentials / exponentials.sum())
