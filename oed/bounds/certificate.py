@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import ROUNDING, Array
 from oed.foundation.equality import ByValue
 from oed.foundation.presenting import Card, Presented, given, number
 from oed.foundation.text import significant
@@ -27,8 +27,6 @@ LOOSE = 0.05
 """Gap above which a bound counts as loose."""
 LATTICE = "lattice"
 """Name and kind of the best drive of the lattice search."""
-EXACT = 1e-9
-"""Violation, as a share of a limit's size, that counts as rounding."""
 SMALLEST = E()
 """Default criterion: the smallest eigenvalue."""
 
@@ -162,6 +160,6 @@ def bound_on(evaluation: Evaluation, exact: float, widened: float | None) -> flo
     """
     if widened is None or not evaluation.feasible:
         return exact
-    satisfied = all(margin.violation <= EXACT * margin.size for margin in evaluation.margins)
+    satisfied = all(margin.violation <= ROUNDING * margin.size for margin in evaluation.margins)
     # A drive that satisfies the limits but for rounding may exceed the exact bound by rounding.
     return exact if satisfied and evaluation.objective <= exact else widened

@@ -9,15 +9,11 @@ from functools import partial
 
 import numpy as np
 
-from oed.foundation.arrays import Array, Bools
+from oed.foundation.arrays import ROUNDING, Array, Bools
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.robots.models import Input, Model
 from oed.robots.models.twists import asked_twists
-
-ROUNDING = 1e-9
-"""Share of a period by which two clocks may differ and still count as the same."""
-
 
 Motion = Callable[[Array, float], tuple[Array, Array]]
 """Twists (K, 3) and states (K + 1, states) of inputs (K, inputs) that are held at a rate [Hz]."""

@@ -9,10 +9,10 @@ from math import inf
 
 import numpy as np
 
-from oed.exporters.commands import ROUNDING, Commands
+from oed.exporters.commands import Commands
 from oed.exporters.request import Request
 from oed.exporters.vehicle import Vehicle
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import ROUNDING, Array
 from oed.foundation.errors import UserMistake
 from oed.robots.limits import Limit
 from oed.robots.models.arcs import chord

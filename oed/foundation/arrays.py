@@ -1,4 +1,4 @@
-"""The types of NumPy arrays in signatures, and places of blocks in them."""
+"""The types of NumPy arrays in signatures, what rounding is in them, and places of blocks."""
 
 from typing import TypeAlias
 
@@ -9,6 +9,9 @@ Array: TypeAlias = npt.NDArray[np.float64]
 Bools: TypeAlias = npt.NDArray[np.bool_]
 Places: TypeAlias = npt.NDArray[np.int64]
 """Where something stands: rows, columns, samples."""
+
+ROUNDING = 1e-9
+"""Share of a size below which a difference is rounding: far above what sums lose, far below what matters."""
 
 
 def block_columns(places: Places, width: int) -> list[int]:

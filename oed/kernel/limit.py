@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
 from oed.foundation.arguments import WrongKind, kind_issue
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import ROUNDING, Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Issue
 from oed.foundation.presenting import Brief
@@ -24,8 +24,6 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, label_of
 
-ROUNDING = 1e-9
-"""Relative rounding by which an input may exceed the result of a linear program."""
 ROUNDED = 1e-3
 """Share of a magnitude's limit over which its corner at 0 is rounded."""
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from oed.foundation.arguments import typed
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import ROUNDING, Array, Places
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.system import System
@@ -240,10 +240,6 @@ class Cost:
 
     sizes: tuple[float, ...]
     most: float
-
-
-ROUNDING = 1e-9
-"""Share by which a number may miss a whole one."""
 
 
 @typed

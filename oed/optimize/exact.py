@@ -28,8 +28,6 @@ SMALL = 60
 """Number of readings above which branching would hardly improve the first bound in reasonable time."""
 INTEGRALITY = 1e-6
 """Distance from a whole number up to which a weight counts as one."""
-CLOSE = 1e-9
-"""Share of the criterion by which the bound of a node must exceed the best weights."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ class _BranchAndBound:
         return Exact(self.best, max(open_bound, self.closed, self.best.value), self.solved)
 
     def _promises(self, bound: float) -> bool:
-        return exceeds(bound, self.best.value, CLOSE)
+        return exceeds(bound, self.best.value)
 
     def _push(self, waiting: list[tuple[float, int, _Subset, Array]], node: _Subset) -> None:
         # Adds a node that may hold better weights, with its relaxed weights.

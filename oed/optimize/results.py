@@ -8,16 +8,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import ROUNDING, Array
 from oed.foundation.text import deviation_text, listing, significant, words
 from oed.foundation.work.progress import Progress, announce
 from oed.kernel.problem import Problem
 from oed.kernel.results import Evaluation
 from oed.kernel.solution import Start, Status
 from oed.optimize.transcription.program import OUT_OF_TIME, IpoptOutcome
-
-ROUNDING = 1e-9
-"""Smallest improvement, as a share of the objective, with which a design replaces an earlier one."""
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,

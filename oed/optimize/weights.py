@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from oed.foundation.arguments import typed
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import ROUNDING, Array, Places
 from oed.foundation.equality import ByValue
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.measurement.square_root import rounding_of
-from oed.kernel.parts import ROUNDING, Budget, Cost, Parts
+from oed.kernel.parts import Budget, Cost, Parts
 from oed.kernel.repetitions import spent_at_most
 from oed.optimize.interior_point import maximise
 from oed.optimize.objectives import weight_objective
@@ -26,8 +26,6 @@ PRESENT = 1e-6
 """Share of the largest weight within which a weight counts as at a bound."""
 BEGUN = 0.9
 """Share of every limit that equal weights use where costs limit them."""
-SLIGHT = 1e-9
-"""Gain of an exchange, relative to the criterion, that is rounding."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -253,21 +251,15 @@ def exchanged_weights(
         for dropped, substitutes in _exchanges(chosen, budgets):
             trials = [_exchanged(chosen, dropped, taken) for taken in substitutes]
             values = [criterion_value(criterion, parts, trial) for trial in trials]
-            if values and exceeds(max(values), value, SLIGHT):
+            if values and exceeds(max(values), value):
                 chosen, value, better = trials[int(np.argmax(values))], max(values), True
                 break
     return _weights(criterion, parts, chosen)
 
 
-def exceeds(value: float, reference: float, share: float) -> bool:
-    """Return whether a value is more than a reference by a share of it; any is more than minus infinity.
-
-    Args:
-        value: value of a criterion.
-        reference: value that it is compared with.
-        share: share of the size of the reference.
-    """
-    return value > (reference + abs(reference) * share if np.isfinite(reference) else reference)
+def exceeds(value: float, reference: float) -> bool:
+    """Return whether a value is more than a reference but for rounding; any is more than minus infinity."""
+    return value > (reference + abs(reference) * ROUNDING if np.isfinite(reference) else reference)
 
 
 def _nearest(weights: Array, budget: Budget) -> Array:
@@ -275,7 +267,7 @@ def _nearest(weights: Array, budget: Budget) -> Array:
     if budget.whole is None:
         text = f"expected whole numbers of readings, got {budget.total:g} and at most {budget.most:g} of each"
         raise UserMistake(text)
-    counts = np.minimum(np.floor(weights + SLIGHT), budget.upper)
+    counts = np.minimum(np.floor(weights + ROUNDING), budget.upper)
     remainders = np.where(counts < budget.upper, weights - counts, -np.inf)
     counts[np.argsort(-remainders, kind="stable")[: round(budget.whole - counts.sum())]] += 1.0
     return counts

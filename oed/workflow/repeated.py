@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from oed.foundation.arrays import ROUNDING
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import resolved
 from oed.kernel.measurement.square_root import SquareRoot
@@ -17,8 +18,6 @@ from oed.kernel.scorer import full_information
 
 MOST = 2**30
 """Drives, beyond which no number of them is enough."""
-ROUNDING = 1e-9
-"""Share by which a standard error may be larger than it is wanted."""
 
 
 def standard_errors(problem: Problem, information: Mapping[str, SquareRoot], drives: int) -> dict[str, float]:

@@ -12,6 +12,7 @@ import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, make_flagship, problem_of, upper_bound
 from listeners import Listener, interrupt
 
+from oed.foundation.arrays import ROUNDING
 from oed.foundation.errors import PartError
 from oed.foundation.work.parallel import run_tasks
 from oed.kernel.criteria import E
@@ -20,7 +21,6 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, Workers, search, solve
-from oed.optimize.results import ROUNDING
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Displacements

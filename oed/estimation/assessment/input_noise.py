@@ -21,7 +21,7 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import projected
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.noise import group_of, groups, in_turn, places_of
-from oed.foundation.arrays import Array, Bools
+from oed.foundation.arrays import ROUNDING, Array, Bools
 from oed.foundation.text import significant, size_text, words
 from oed.kernel.measurement.square_root import SquareRoot
 
@@ -33,8 +33,6 @@ MOST = 0.9
 """Share of the information in any direction that noise of the inputs is taken to make up at most."""
 ALL = 0.99 * MOST
 """Share of noise of the inputs from which on the information on an unknown may be nothing else."""
-ROUNDING = 1e-9
-"""Relative, by which a move may be short of an unknown's size."""
 OUTLYING = 10.0
 """Times their median that third differences are jumps, not noise."""
 WORTH_SAYING = 1.0

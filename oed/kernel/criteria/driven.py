@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, FiniteFloat
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import ROUNDING, Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Issue
 from oed.foundation.quantities import Duration
@@ -18,8 +18,6 @@ from oed.kernel.dynamics.simulate import simulate
 
 MOST_STEPS = 100_000
 """Largest number of steps that are predicted: some seconds of computing."""
-ROUNDED = 1e-9
-"""Share of a period by which legs of a whole number of them may be longer."""
 
 
 class Leg(Component):
@@ -92,7 +90,7 @@ def sensitivities(
     """
     system = subject.system.exact
     times = np.array(durations, dtype=float)
-    steps = np.maximum(np.ceil(times / subject.period - ROUNDED), 1.0).astype(int)
+    steps = np.maximum(np.ceil(times / subject.period - ROUNDING), 1.0).astype(int)
     begin = subject.start if start is None else start
     first = np.zeros(len(system.states)) if begin is None else begin
     held = np.repeat(np.array(inputs, dtype=float).reshape(len(steps), -1), steps, axis=0)

@@ -10,15 +10,13 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import ROUNDING, Array, Places
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.signals import Signal
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.trajectory import bounding_values, middles
 
-SLIGHT = 1e-9
-"""Share of an input's largest value by which a drive may differ from a signal, by rounding."""
 DIGITS = 12
 """Digits in which rows that are equal but for rounding agree."""
 
@@ -132,7 +130,7 @@ class Embedding:
             by_run = table[:, place].reshape(self.space.runs, -1).T
             wanted = by_run.mean(axis=1, keepdims=True) if signal.shared else by_run
             solution = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
-            if np.abs(matrix @ solution - by_run).max() > SLIGHT * np.abs(by_run).max():
+            if np.abs(matrix @ solution - by_run).max() > ROUNDING * np.abs(by_run).max():
                 again = ", the same in all runs" if signal.shared else ""
                 raise ValueError(
                     f"input {place + 1} of the trajectory is not the design space's {signal.kind}{again}"

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import ROUNDING, Array, Places
 from oed.kernel.dynamics.expression import Expression
-
-SLIGHT = 1e-9
-"""Share of a start state's size that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class StartStates:
         Raises:
             ValueError: states outside their bounds.
         """
-        if self.bounded and self.excess(starts) > SLIGHT:
+        if self.bounded and self.excess(starts) > ROUNDING:
             raise ValueError("the trajectory starts outside the design space's start_bounds")
         return np.asarray((starts[:, self.free] - self.middle[:, self.free]) / self.reach[self.free]).ravel()
 

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import ROUNDING, Array
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
 
 ENDINGS = {1: "st", 2: "nd", 3: "rd"}
-UNCORRELATED = 1e-9
-"""Correlation below which errors are independent but for rounding."""
 
 
 def when_text(unit: str, every: int) -> str:
@@ -36,7 +34,7 @@ def noise_text(whitening: Expression, units: Sequence[str]) -> str:
         return "a standard deviation that depends on the drive"
     sizes, correlation = _deviations(whitening)
     text = deviations_text(*dict.fromkeys(_sizes(sizes, units)))
-    return f"correlated noise ({text})" if correlation > UNCORRELATED else text
+    return f"correlated noise ({text})" if correlation > ROUNDING else text
 
 
 def deviations_of(whitening: Expression) -> tuple[float, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from oed.foundation.arrays import ROUNDING
 from oed.foundation.text import Unit, fixed, significant, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
@@ -17,8 +18,6 @@ from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("validation")
 FOUR, THREE = significant(4), significant(3)
-ROUNDING = 1e-9
-"""Standard error of a ratio of variances below which it is that of rounding."""
 NEAR = 0.05
 """Deviation, as a share of the true value, below which a figure shows errors instead of estimates."""
 MOST_CLOUDS = 4
