@@ -12,7 +12,7 @@ from benchmarks.plain import Plain
 from benchmarks.staged import GIVEN, Staged
 from benchmarks.stages import STATES
 from oed.foundation.arrays import Array, Places
-from oed.kernel.dynamics.compiled import compiled
+from tests.compiling import compiled
 
 
 class Mapped:

@@ -6,7 +6,6 @@ import os
 import pickle
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,10 +13,10 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from compiling import compiled
 
-from oed.kernel.dynamics import compiled as compiled_module
 from oed.kernel.dynamics import direct_call as module
-from oed.kernel.dynamics.compiled import SOURCES, Making, compiled, compiler
+from oed.kernel.dynamics.compiled import FOLDER, Compilation, compiler
 from oed.kernel.dynamics.direct_call import DirectCall, direct_call
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -45,8 +44,8 @@ def called(call: DirectCall) -> list[np.ndarray]:
 def test_what_is_called_for_long_is_compiled_to_the_same_bits(cache: Path):
     call = DirectCall(example())
     expected = called(call)
-    assert call._making is not None
-    call._making.wait()
+    assert call._compilation is not None
+    call._compilation.wait()
     called(call)
     assert call._spent == -np.inf
     assert len(list(cache.glob("*.so"))) == 1
@@ -58,8 +57,8 @@ def test_without_a_compiler_that_works_it_stays_as_it_is(cache: Path, monkeypatc
     monkeypatch.setenv("CC", "false")
     call = DirectCall(example())
     expected = called(call)
-    if call._making is not None:
-        call._making.wait()
+    if call._compilation is not None:
+        call._compilation.wait()
     for found, one in zip(called(call), expected, strict=True):
         np.testing.assert_array_equal(found, one)
     assert call._spent == -np.inf
@@ -69,7 +68,7 @@ def test_long_functions_are_not_compiled(cache: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(module, "MOST", 3)
     call = DirectCall(example())
     called(call)
-    assert call._making is None
+    assert call._compilation is None
     assert call._spent == -np.inf
     assert not cache.exists()
 
@@ -95,7 +94,7 @@ def test_calls_of_what_is_called_once_are_not_compiled(cache: Path):
 def test_what_is_compiled_already_stays_as_it_is(cache: Path):
     call = DirectCall(compiled(example()).map(4))
     call(np.ones((4, 2, 3)), np.ones((4, 2)))
-    assert call._making is None
+    assert call._compilation is None
     assert call._spent == -np.inf
 
 
@@ -103,70 +102,47 @@ def test_what_is_compiled_already_stays_as_it_is(cache: Path):
 @needs_compiler
 @pytest.mark.parametrize("share", [0.0, 0.99])
 def test_a_library_cut_short_is_cleared_away_and_made_again(share: float, cache: Path):
-    making = Making([example()])
-    making.wait()
-    assert making.binary is not None
-    whole = making.binary.read_bytes()
-    making.binary.write_bytes(whole[: int(share * len(whole))])
+    compilation = Compilation(example())
+    compilation.wait()
+    assert compilation.library is not None
+    whole = compilation.library.read_bytes()
+    compilation.library.write_bytes(whole[: int(share * len(whole))])
     call = DirectCall(example())
     expected = called(call)
     assert call._spent == -np.inf
-    assert not making.binary.exists()
+    assert not compilation.library.exists()
     again = DirectCall(example())
     called(again)
-    assert again._making is not None
-    again._making.wait()
+    assert again._compilation is not None
+    again._compilation.wait()
     for found, one in zip(called(again), expected, strict=True):
         np.testing.assert_array_equal(found, one)
-    assert making.binary.exists()
+    assert compilation.library.exists()
 
 
 @pytest.mark.slow
 @needs_compiler
 def test_a_library_of_which_a_byte_has_changed_is_not_used(cache: Path):
-    making = Making([example()])
-    making.wait()
-    assert making.binary is not None
-    content = bytearray(making.binary.read_bytes())
+    compilation = Compilation(example())
+    compilation.wait()
+    assert compilation.library is not None
+    content = bytearray(compilation.library.read_bytes())
     content[len(content) // 2] ^= 1
-    making.binary.write_bytes(content)
-    assert making.functions() is None
-    assert not making.binary.exists()
+    compilation.library.write_bytes(content)
+    assert compilation.function() is None
+    assert not compilation.library.exists()
 
 
 @pytest.mark.slow
 @needs_compiler
-def test_what_was_left_of_a_compiler_that_was_killed_is_cleared_away(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    cache.mkdir()
-    old, new = cache / "old.part", cache / "new.part"
-    for one in (old, new):
-        one.write_bytes(b"")
-    sources = [tmp_path / f"{SOURCES}{name}" for name in ("old", "new")]
-    for one in sources:
-        one.mkdir()
-        (one / "generated.c").write_text("")
-    for one in (old, sources[0]):
-        os.utime(one, (0, 0))
-    Making([example()]).wait()
-    assert [one.exists() for one in (old, new, *sources)] == [False, True, False, True]
-
-
-def test_a_compiler_that_does_not_say_its_version_is_asked_once_and_leaves_nothing_at_work(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(compiled_module, "KNOWN", 0.5)
-    tool, own, asked = tmp_path / "silent", tmp_path / "own", tmp_path / "asked"
-    lines = ["#!/bin/sh", f"echo >> {asked}", "sleep 60 &", f"echo $! > {own}", "wait"]
-    tool.write_text("\n".join(lines))
-    tool.chmod(0o755)
-    monkeypatch.setenv("CC", str(tool))
-    assert Making([example()]).binary is None
-    assert _ends(_process_in(own))
-    assert Making([example()]).binary is None
-    assert asked.read_text() == "\n"
+def test_what_was_left_of_a_compiler_that_was_killed_is_cleared_away(cache: Path):
+    folders = [cache / f"{FOLDER}{name}" for name in ("old", "new")]
+    for folder in folders:
+        folder.mkdir(parents=True)
+        (folder / "function.c").write_text("")
+    os.utime(folders[0], (0, 0))
+    Compilation(example()).wait()
+    assert [folder.exists() for folder in folders] == [False, True]
 
 
 def test_where_nobody_has_a_home_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch):
@@ -175,14 +151,14 @@ def test_where_nobody_has_a_home_nothing_is_compiled(monkeypatch: pytest.MonkeyP
 
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", homeless)
-    assert Making([example()]).binary is None
+    assert Compilation(example()).library is None
 
 
 @pytest.fixture
 def endless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A compiler that does not end, and the file in which it says what process is at work for it."""
     tool, own = tmp_path / "cc", tmp_path / "own"
-    lines = ["#!/bin/sh", "[ $1 = --version ] && exit", "sleep 60 &", f"echo $! > {own}", "wait"]
+    lines = ["#!/bin/sh", "sleep 60 &", f"echo $! > {own}", "wait"]
     tool.write_text("\n".join(lines))
     tool.chmod(0o755)
     monkeypatch.setenv("CC", str(tool))
@@ -190,11 +166,11 @@ def endless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_compiler_that_is_stopped_leaves_nothing_at_work(cache: Path, endless: Path):
-    making = Making([example()])
+    compilation = Compilation(example())
     own = _process_in(endless)
-    making.stop()
+    compilation.stop()
     assert _ends(own)
-    assert not list(cache.glob("*.part"))
+    assert not list(cache.iterdir())
 
 
 @pytest.mark.slow
@@ -206,10 +182,10 @@ def test_a_program_that_ends_leaves_no_compiler_at_work(cache: Path, endless: Pa
         "import atexit, gc, pathlib, sys, time\n"
         "atexit.register(gc.freeze)\n"
         "import casadi as ca\n"
-        "from oed.kernel.dynamics.compiled import Making\n"
+        "from oed.kernel.dynamics.compiled import Compilation\n"
         "x = ca.SX.sym('x')\n"
-        "making = Making([ca.Function('f', [x], [x + 1])])\n"
-        "making.itself = making\n"
+        "compilation = Compilation(ca.Function('f', [x], [x + 1]))\n"
+        "compilation.itself = compilation\n"
         "while not pathlib.Path(sys.argv[1]).exists():\n"
         "    time.sleep(0.01)\n"
     )
@@ -223,25 +199,25 @@ def test_a_program_that_ends_leaves_no_compiler_at_work(cache: Path, endless: Pa
 @pytest.mark.slow
 @needs_compiler
 def test_what_a_compiler_made_is_there_for_all_processes_once_it_has_ended(cache: Path):
-    making = Making([example()])
-    assert _becomes(lambda: making.ended)
-    assert making.binary is not None
-    assert making.binary.exists()
+    compilation = Compilation(example())
+    assert _becomes(lambda: compilation.ended)
+    assert compilation.library is not None
+    assert compilation.library.exists()
 
 
 @pytest.mark.slow
 @needs_compiler
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_forked_process_leaves_the_compiler_to_its_parent(cache: Path):
-    making = Making([example()])
+    compilation = Compilation(example())
     child = os.fork()
     if child == 0:
-        making.functions()
-        making.stop()
+        compilation.function()
+        compilation.stop()
         os._exit(0)
     os.waitpid(child, 0)
-    making.wait()
-    assert making.functions() is not None
+    compilation.wait()
+    assert compilation.function() is not None
 
 
 def _process_in(file: Path) -> int:

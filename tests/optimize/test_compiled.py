@@ -10,11 +10,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import BOX, SPEED, problem_of
+from compiling import compiled
 from some_instants import chosen_of
 from written_out import called
 
 from oed.kernel.dynamics import direct_call
-from oed.kernel.dynamics.compiled import MANY, at_work, compiled, compiler
+from oed.kernel.dynamics.compiled import MANY, at_work, compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.ipopt import Ipopt

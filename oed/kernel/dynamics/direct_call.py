@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.kernel.dynamics.compiled import Making, is_compiled
+from oed.kernel.dynamics.compiled import Compilation, is_compiled
 from oed.kernel.dynamics.expression import Expression
 
 PAYS = 0.3
@@ -34,7 +34,7 @@ class DirectCall:
         """Wrap a function whose results are dense; one that is called once only is not `lasting`."""
         self._function = function
         self._spent = 0.0 if lasting else -np.inf
-        self._making: Making | None = None
+        self._compilation: Compilation | None = None
         self._take(function)
 
     def _take(self, function: ca.Function) -> None:
@@ -65,13 +65,12 @@ class DirectCall:
 
     def _compile(self) -> None:
         # Begins it, and takes what has come of it.
-        if self._making is None:
-            self._making = Making([self._function]) if _worth(self._function) else None
-        over = self._making is None or self._making.ended
-        functions = None if self._making is None else self._making.functions()
-        if functions:
-            self._take(functions[0])
-        if functions or over:
+        if self._compilation is None and _worth(self._function):
+            self._compilation = Compilation(self._function)
+        function = None if self._compilation is None else self._compilation.function()
+        if function is not None:
+            self._take(function)
+        if self._compilation is None or self._compilation.ended:
             self._spent = -np.inf
 
 
