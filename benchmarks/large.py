@@ -9,7 +9,7 @@ from benchmarks.forms import FORMS, problem_of
 from oed import Ipopt, solve
 
 SAMPLES = 20_000
-ALLOWED = 2.0
+ALLOWED = 1.0
 """Memory [GB] that it may take."""
 
 

@@ -16,10 +16,11 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.kernel.dynamics.direct_call import DirectCall, mapped
+from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.tightening import Scenarios
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.differentiated import matrices_of
+from oed.optimize.terms.recurrence import Recurrence
 from oed.optimize.terms.run_unknowns import RunUnknowns
 
 
@@ -99,19 +100,13 @@ class Runs:
         table = np.broadcast_to(held[:, None], (len(held), len(self.shifts), *held.shape[1:]))
         return table.reshape(len(held) * self.count, *held.shape[2:])
 
-    def constants_of(self, drives: int) -> Array:
-        """Return the constants of all cells of so many drives, one row each."""
-        return np.tile(
-            self.constants.reshape(self.count * self.samples, self.constants.shape[2]), (drives, 1)
-        )
-
     @cached_property
-    def roll(self) -> DirectCall:
+    def roll(self) -> Recurrence:
         """(x at the runs' begins, inputs held, constants) -> x at all cells' ends, what cells add."""
-        return DirectCall(self.cell.values.mapaccum("roll", self.samples).map(self.count))
+        return Recurrence(self.cell.values, self.count, self.samples)
 
     @cached_property
-    def forward(self) -> DirectCall:
+    def forward(self) -> Recurrence:
         """(slopes of x at the runs' begins, of the inputs held, entries of all cells' slopes) -> slopes of x
         at all cells' ends, by the runs' unknowns.
         """
@@ -121,15 +116,14 @@ class Runs:
         entries = ca.MX.sym("entries", onward.pattern.nnz())
         product = ca.horzcat(slopes, held) @ onward.matrix(entries).T
         step = ca.Function("forward", [slopes, held, entries], [ca.densify(product)])
-        return DirectCall(step.mapaccum("forward", self.samples).map(self.count))
+        return Recurrence(step, self.count, self.samples)
 
     @cached_property
-    def backward(self) -> DirectCall:
+    def backward(self) -> Recurrence:
         """(weights of x at the runs' ends, entries of all cells' slopes, more weights of x at their begins)
         -> weights of x at all cells' begins, both from the last cell to the first.
         """
-        step = self.cell.slopes[0].back()
-        return DirectCall(step.mapaccum("backward", self.samples).map(self.count))
+        return Recurrence(self.cell.slopes[0].back(), self.count, self.samples)
 
     @cached_property
     def state_pattern(self) -> Bools:
@@ -161,13 +155,11 @@ class RunValues:
         Args:
             begins: x where the runs begin, (R, width).
             held: inputs, (R, N, inputs).
-            following: x at all cells' ends, (R, N, width), as one array.
-            added: what every cell adds, (R, N, added), as one array.
+            following: x at all cells' ends, (R, N, width).
+            added: what every cell adds, (R, N, added).
         """
-        shape = held.shape[:2]
-        following = following.reshape(*shape, begins.shape[1])
         points = np.concatenate([begins[:, None], following[:, :-1]], axis=1)
-        return cls(held, points, following[:, -1], added.reshape(*shape, -1))
+        return cls(held, points, following[:, -1], added)
 
 
 @dataclass
@@ -218,7 +210,7 @@ class Rolled(RunValues):
         return [
             self.points.reshape(count, self._cell.width),
             self.held.reshape(count, self.held.shape[2]),
-            self.runs.constants_of(1),
+            self.runs.constants.reshape(count, self.runs.constants.shape[2]),
         ]
 
     @cached_property
@@ -241,7 +233,8 @@ class Rolled(RunValues):
     def _following_slopes(self) -> Array:
         # Of x at all cells' ends, (R, N, width, w).
         runs, samples = self._shape
-        (flat,) = self.runs.forward(self._begin_slopes, self._held_slopes, self._cell_slopes[0])
+        entries = self._cell_slopes[0].reshape(runs, samples, -1)
+        (flat,) = self.runs.forward(self._begin_slopes, self._held_slopes, entries)
         return flat.reshape(runs, samples, *self._begin_slopes.shape[1:])
 
     @cached_property
@@ -288,9 +281,8 @@ class Rolled(RunValues):
         onward = self._cell_slopes[0]
         onward = onward.reshape(runs, samples, onward.shape[1])
         points = weights.points + pulled
-        (flat,) = self.runs.backward(weights.ends, onward[:, ::-1], points[:, ::-1])
-        begins = flat.reshape(runs, samples, width)[:, ::-1]
-        following = np.concatenate([begins[:, 1:], weights.ends[:, None]], axis=1)
+        (begins,) = self.runs.backward(weights.ends, onward[:, ::-1], points[:, ::-1])
+        following = np.concatenate([begins[:, -2::-1], weights.ends[:, None]], axis=1)
         total = np.zeros((self.runs.size, self.runs.size))
         bent = weights.bent + self._bent(following, weights.added)
         for places, by_run in zip(self.runs.places, bent, strict=True):

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools, Places
-from oed.kernel.dynamics.direct_call import DirectCall, mapped
+from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.system import follows_state
 from oed.kernel.measurement.filter import reads_of
@@ -23,6 +23,7 @@ from oed.optimize.terms.judged import AddedInformation, Judged, WholeInformation
 from oed.optimize.terms.motion_cell import MotionCell
 from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.point import CondensedParts, DriveAt, Drives
+from oed.optimize.terms.recurrence import Recurrence
 from oed.optimize.terms.rows import RowEntries
 from oed.optimize.terms.run_unknowns import RunUnknowns
 from oed.optimize.terms.runs import Runs, RunValues
@@ -203,17 +204,15 @@ class Terms(Unknowns):
     def _rolled(self, runs: Runs, cell: ca.Function, drives: Drives, threads: int) -> tuple[RunValues, Array]:
         # What the runs of drives do, and what else the cell returns.
         begins, held = runs.begins(drives.starts), runs.held(drives.held)
-        key, several = (cell, len(begins), threads), min(threads, len(begins))
+        key = cell, len(begins), min(threads, len(begins))
         if key not in self._rolls:
-            in_parallel = ("thread", several) if several > 1 else ()
-            chain = cell.mapaccum("scored", runs.samples)
-            self._rolls[key] = DirectCall(chain.map(len(begins), *in_parallel))
-        constants = runs.constants_of(len(drives.starts))
+            self._rolls[key] = Recurrence(*key[:2], runs.samples, key[2])
+        constants = np.tile(runs.constants, (len(drives.starts), 1, 1))
         following, added, *further = self._rolls[key](begins, held, constants)
         return RunValues.of(begins, held, following, added), further[0] if further else added
 
     @cached_property
-    def _rolls(self) -> dict[tuple[ca.Function, int, int], DirectCall]:
+    def _rolls(self) -> dict[tuple[ca.Function, int, int], Recurrence]:
         return {}
 
     @cached_property
