@@ -10,7 +10,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.direct_call import DirectCall
 
-TOGETHER = 512
+TOGETHER = 2000
 """Samples of a run in one call: what CasADi keeps of a call is many times as large as its result."""
 
 
