@@ -19,24 +19,12 @@ from oed.kernel.parts import Budget, Parts, budgets_of, laid_out, taken_of
 from oed.kernel.results import Margin
 
 
-def _amount(value: Any) -> float:
-    # Seconds of what is read all the time, or a number.
-    return parse_quantity(value, "s" if isinstance(value, str) and not _plain(value) else "")
-
-
-def _plain(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 def _amounts(value: Any) -> Any:
+    # Seconds of what is read all the time, or numbers.
     return (
-        {name: _amount(amount) for name, amount in value.items()}
+        {name: parse_quantity(amount, "s") for name, amount in value.items()}
         if isinstance(value, Mapping)
-        else _amount(value)
+        else parse_quantity(value, "s")
     )
 
 

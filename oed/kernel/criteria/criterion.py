@@ -20,7 +20,6 @@ from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.information import Scaling, scaling_text
-from oed.kernel.measurement.matrices import solve_lower
 from oed.kernel.measurement.square_root import SquareRoot
 
 
@@ -270,7 +269,7 @@ class Factor:
 
     def inverse(self, right: Expression) -> Expression:
         """L^-1 B."""
-        return solve_lower(self.matrix.T, right)
+        return ca.solve(self.matrix, right)
 
     def initial(self, matrix: Array) -> Array:
         """Entries of L for a numeric M; a little is added to one that has no factor."""

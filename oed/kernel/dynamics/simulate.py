@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.arrays import Array
-from oed.kernel.dynamics.system import System, carrier, stepper
+from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.system import System
 
 
 @dataclass(frozen=True)
@@ -34,17 +35,14 @@ def simulate(system: System, inputs: Array, start: npt.ArrayLike, periods: npt.A
         start: start state, (states,), SI.
         periods: duration of every period [s], (N,), or of all of them.
     """
-    count, size, samples = len(system.states), len(system.parameters), len(inputs)
-    states = np.zeros((samples + 1, count))
-    sensitivities = np.zeros((samples + 1, count, size))
-    states[0] = np.asarray(start, dtype=float).ravel()
-    if count and samples:
-        lengths = np.broadcast_to(np.asarray(periods, dtype=float), samples)
-        held = ca.DM(inputs.T), ca.DM(system.nominal), ca.DM(lengths).T
-        after = stepper(system).mapaccum(samples)(states[0], *held)
-        states[1:] = np.array(after).T
-        begin = ca.horzcat(ca.DM.zeros(count, size), ca.DM.eye(count))
-        carried = carrier(system).mapaccum(samples)(begin, ca.DM(states[:-1].T), *held)
-        every = np.array(carried).reshape(count, samples, size + count)
-        sensitivities[1:] = every.transpose(1, 0, 2)[:, :, :size]
-    return Simulation(states, sensitivities)
+    lengths = np.broadcast_to(np.asarray(periods, dtype=float), len(inputs))
+    drive = roll_out(
+        system,
+        inputs=ca.DM(inputs),
+        start=ca.DM(np.asarray(start, dtype=float).ravel()),
+        parameters=ca.DM(system.nominal),
+        period=ca.DM(lengths).T,
+    )
+    states, parameters = len(system.states), len(system.parameters)
+    slopes = np.array(drive.sensitivities).reshape(states, len(inputs) + 1, -1)[:, :, :parameters]
+    return Simulation(np.array(drive.states), slopes.transpose(1, 0, 2))

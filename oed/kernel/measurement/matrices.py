@@ -42,17 +42,6 @@ def harmonic(matrix: Expression, spread: Expression) -> Expression:
     return ca.densify(quotient(spread, matrix))
 
 
-def solve_lower(upper: Expression, right: Expression) -> Expression:
-    """R'^-1 B of an upper triangular R (SX), by forward substitution, row by row."""
-    rows: list[Expression] = []
-    for index in range(upper.shape[0]):
-        rest = right[index, :]
-        for before, row in enumerate(rows):
-            rest = rest - upper[before, index] * row
-        rows.append(rest / upper[index, index])
-    return ca.vertcat(*rows)
-
-
 def quotient(matrix: Expression, right: Expression) -> Expression:
     """Return B' M^-1 B of a symmetric positive semidefinite M, pivot by pivot, but for those of rounding."""
     if isinstance(matrix, ca.SX):

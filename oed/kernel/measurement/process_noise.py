@@ -14,7 +14,7 @@ import casadi as ca
 
 from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import System
+from oed.kernel.dynamics.system import System, step_symbols
 
 
 class Period(NamedTuple):
@@ -33,12 +33,6 @@ class Period(NamedTuple):
     inputs: Expression
     parameters: Expression
     duration: Expression
-
-    @classmethod
-    def symbols(cls, system: System) -> Period:
-        """Return a period of symbols (SX)."""
-        sizes = {"state": system.states, "inputs": system.inputs, "p": system.parameters, "period": [""]}
-        return cls(system, *(ca.SX.sym(name, len(entries)) for name, entries in sizes.items()))
 
 
 class ProcessNoise(ABC):
@@ -81,14 +75,14 @@ class ProcessNoise(ABC):
 @lru_cache(maxsize=16)
 def erring(noise: ProcessNoise, system: System) -> ca.Function:
     """Return the function (state, inputs, parameters, period, errors) -> next state."""
-    period, errors = Period.symbols(system), ca.SX.sym("errors", noise.size)
+    period, errors = Period(system, *step_symbols(system)), ca.SX.sym("errors", noise.size)
     return ca.Function("erring", [*period[1:], errors], [noise.step(period, errors)])
 
 
 @lru_cache(maxsize=16)
 def spread(noise: ProcessNoise, system: System) -> ca.Function:
     """Return the function (state, inputs, parameters, period) -> (dx+/dw (states, m) at w = 0, Q)."""
-    period, errors = Period.symbols(system), ca.SX.sym("errors", noise.size)
+    period, errors = Period(system, *step_symbols(system)), ca.SX.sym("errors", noise.size)
     effect = ca.jacobian(noise.step(period, errors), errors)
     effect = ca.substitute(effect, errors, ca.SX.zeros(noise.size))
     return ca.Function("spread", [*period[1:]], [ca.sparsify(effect), ca.sparsify(noise.covariance(period))])

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.matrices import solve_lower
 
 
 class Update:
@@ -47,9 +46,9 @@ class Update:
         self._before, self._seen = before, self._through @ before + self._direct
         self._variance = _symmetric(ca.SX.eye(direct.shape[0]) + self._seen @ self._through.T)
         self._root = ca.chol(ca.densify(self._variance))
-        white = solve_lower(self._root, self._seen)
-        # R^-1 by the same substitution: reversed in both directions an upper factor is a lower one.
-        self._gains = solve_lower(self._root[::-1, ::-1].T, white[::-1, :])[::-1, :]
+        # Of triangular matrices CasADi writes substitutions.
+        white = ca.solve(self._root.T, self._seen)
+        self._gains = ca.solve(self._root, white)
         less = _symmetric(white.T @ white)
         self.after = before - less
         self.changed = list(zip(*ca.triu(ca.sparsify(less)).sparsity().get_triplet(), strict=True))
@@ -95,7 +94,7 @@ class Update:
             taken = steeper.T @ self._gains
             entries.append(self._entries(turning.T @ moved - taken - taken.T))
             change = self._through @ moved + steeper - self._seen @ through.T @ self._gains
-            changes.append(ca.vec(solve_lower(self._root, change)[:, self._columns].T))
+            changes.append(ca.vec(ca.solve(self._root.T, change)[:, self._columns].T))
         return ca.horzcat(*entries), ca.horzcat(*changes)
 
     def curvature(self, weights: Expression, by: Expression) -> tuple[Expression, Expression]:

@@ -16,7 +16,7 @@ from oed.foundation.quantities import Angle, Length, require_covariance
 from oed.foundation.shown import written
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import System
+from oed.kernel.dynamics.system import System, step_symbols
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
 from oed.kernel.measurement.sensor import Sensor
 from oed.robots.models.arcs import after_arc
@@ -133,7 +133,7 @@ def amounts_of(robot: System) -> ca.Function:
     """The function (state, inputs, parameters, period) -> path [m], turning [rad] and time [s] of a period,
     (3,), which the variances of drift are in proportion to.
     """
-    period = Period.symbols(robot)
+    period = Period(robot, *step_symbols(robot))
     return ca.Function("amounts", [*period[1:]], [ca.densify(_amounts(period))])
 
 
