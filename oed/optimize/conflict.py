@@ -72,7 +72,9 @@ def _smallest_relaxation(program: Program, starts: Sequence[Array], place: int) 
         )
 
     for start in starts:
-        outcome, _ = exchange.solve(solve, start, None, exchange.first_instants(), design.trajectory)
+        first = exchange.first_instants()
+        # What is infeasible with some instants is so with all.
+        outcome, _ = exchange.solve(solve, start, None, first, design.trajectory, persistent=False)
         # Any point where all other limits hold is a witness, wherever Ipopt stopped.
         _, excess = design.score_many(outcome.unknowns[None, :])
         if np.delete(excess[0], place).max(initial=0.0) < NEGLIGIBLE:

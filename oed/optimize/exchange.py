@@ -136,6 +136,8 @@ class Exchange:
         instants: Instants,
         trajectory: Callable[[Array], Trajectory],
         until: float = np.inf,
+        *,
+        persistent: bool = True,
     ) -> tuple[IpoptOutcome, Instants]:
         """Solve with ever more instants until no limit is exceeded; return the outcome and these instants.
 
@@ -147,6 +149,7 @@ class Exchange:
             instants: first instants.
             trajectory: function that returns the drive of z.
             until: deadline by `time.time`, after which the outcome has the status of Ipopt's time limit.
+            persistent: whether a solve that finds no feasible drive is followed by one with more instants.
         """
         if not self.needed:
             return call(unknowns, after, None, False), instants
@@ -162,6 +165,8 @@ class Exchange:
             drive = trajectory(unknowns)
             more = self.more(instants, drive)
             if not len(more) and not loosely:
+                break
+            if outcome.infeasible and not persistent:
                 break
             if time.time() > until:
                 outcome = replace(outcome, return_status=OUT_OF_TIME)

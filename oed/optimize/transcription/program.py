@@ -53,6 +53,11 @@ class IpoptOutcome:
         """True where Ipopt reached its tolerance, so that another solve may go on from here."""
         return self.return_status == "Solve_Succeeded"
 
+    @property
+    def infeasible(self) -> bool:
+        """True where Ipopt says that no point near its last one keeps to all limits."""
+        return self.return_status == "Infeasible_Problem_Detected"
+
 
 OUT_OF_TIME = "Maximum_WallTime_Exceeded"
 """Return status of Ipopt at its time limit."""
