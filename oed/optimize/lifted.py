@@ -258,12 +258,12 @@ def lift(problem: Problem) -> Problem | None:
         for place, sensor in enumerate(sensors)
     ]
     limits, signals = _further(problem, efforts)
+    all_signals = (*space.signals, *signals)
+    kept = {"signals": all_signals, "spline": Spline(), "rest_to_rest": False, "shortest": None}
     return replace(
         problem,
         model=Lifted(problem.model, efforts, paced),
-        design=space.model_copy(
-            update={"signals": (*space.signals, *signals), "spline": Spline(), "shortest": None}
-        ),
+        design=space.model_copy(update=kept),
         measurement=measurement_of(lifted_sensors),
         limits=(*problem.limits, *limits),
         selection=None,
@@ -285,7 +285,9 @@ def _further(problem: Problem, efforts: int) -> tuple[list[Limit], list[Signal]]
         names = [f"{EFFORT}{place}" for place in range(efforts)]
         limits += [FurtherRange(input=name, low=0.0, high=most) for name in names]
         limits += _totals(problem)
-        signals += [PiecewiseConstant(pieces=selection.pieces or space.samples) for _ in names]
+        # A reading at the end shares its weight with the last period's.
+        pieces = min(selection.pieces or space.samples, space.samples)
+        signals += [PiecewiseConstant(pieces=pieces) for _ in names]
     if isinstance(space, SignalSpace) and space.shortest is not None:
         limits.append(FurtherRange(input=PACE, low=space.shortest / space.duration, high=1.0))
         signals.append(Constant(shared=True))

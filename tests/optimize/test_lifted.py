@@ -88,3 +88,27 @@ def test_budget_of_time_is_spent_as_fast_as_time_passes(sensor: type, spent: flo
         )
         rows[pace] = float(ca.evalf(total.rows(drive).expression))
     assert rows[0.5] == pytest.approx(spent * rows[1.0])
+
+
+@pytest.mark.slow
+def test_a_reading_at_the_end_has_a_weight():
+    """Eight readings of seven periods had eight pieces of weights: that was a ProblemError of pieces."""
+    system = oed.Equations(
+        states={"a": ""},
+        derivatives={"a": "-k * a"},
+        parameters={"k": "0.5 1/s"},
+        outputs={"a": "a"},
+    )
+    problem = oed.Problem(
+        model=system,
+        design=oed.SignalSpace(duration=7, samples=7, start_bounds=((0.2, 2.0),)),
+        measurement=oed.Outputs(noise={"a": 0.1}),
+        limits=[],
+        criterion="D",
+        selection=Selection(total=1.0, pieces=8),
+    )
+    few = {"starts": 1, "perturbations": 0, "second_stage": "none"}
+    solution = oed.solve(problem, oed.Ipopt(**few), seed=0, workers=1)
+    # 0.1 / (2 t e^(-t / 2)) is the deviation of k from a reading at t, least at t = 2.
+    assert solution.trajectory.start == pytest.approx((2.0,))
+    assert solution.trajectory.weights == pytest.approx((0, 0, 1, 0, 0, 0, 0, 0), abs=1e-6)
