@@ -230,10 +230,11 @@ def _selection_reason(problem: Statement) -> str:
     if not problem.criterion.concave:
         return f"need a concave criterion, which {problem.criterion.kind} is not: use E, D, A, G or I"
     counted = ", ".join(limit.name for limit in problem.limits if limit.counts_trials)
-    by_reading, states = selection.of == "readings", problem.model.states
     if counted and selection.whole:
         return f"whole numbers are chosen without the budget of {counted}: give `total`, or leave one out"
-    if counted and by_reading and states and problem.design.only is not None:
+    by_reading, states = selection.of == "readings", problem.model.states
+    candidates = problem.design.only is not None and problem.model.inputs
+    if counted and by_reading and states and candidates:
         return f"the budget of {counted} is of trials, not of readings: give `of: trials`"
     if counted and by_reading and not states and len(sensors) > 1:
         return f"the budget of {counted} needs one weight for each setting: give one sensor all outputs"

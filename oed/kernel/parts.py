@@ -241,6 +241,10 @@ class Cost:
     sizes: tuple[float, ...]
     most: float
 
+    def spent(self, weights: Array) -> float:
+        """Return the cost of weights of all readings, (n,)."""
+        return float(np.array(self.sizes) @ weights)
+
 
 @typed
 def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 1.0) -> tuple[Budget, ...]:

@@ -145,6 +145,6 @@ def spent_at_most(costs: Sequence[Cost], weights: Array) -> Array:
         costs: costs that limit the weights.
         weights: weights of the readings, (n,).
     """
-    spent = [(float(np.array(cost.sizes) @ weights), cost.most) for cost in costs]
+    spent = [(cost.spent(weights), cost.most) for cost in costs]
     share = min((most / amount for amount, most in spent if amount > most > 0), default=1.0)
     return share * weights

@@ -54,15 +54,14 @@ class Iterate:
     point: Projection
 
 
-def maximise(program: WeightProgram, objective: WeightObjective, share: float) -> tuple[Array, Array]:
+def maximise(program: WeightProgram, objective: WeightObjective) -> tuple[Array, Array]:
     """Return the weights (n,) that maximise an objective, and its gradient (p, p) by S there.
 
     Args:
-        program: rows and constraints.
+        program: rows and constraints, strictly inside of which all weights can be 1.
         objective: objective of the judged information.
-        share: first weight of every reading, strictly inside all constraints.
     """
-    weights = np.full(len(program.upper), share)
+    weights = np.ones(len(program.upper))
     point, distances = program.project(weights), program.distances(weights)
     level, count = objective.first_level(point), len(distances) + objective.barriers
     # The first barriers are each as large as the criterion: equal weights are nearly best then.
@@ -99,7 +98,10 @@ def _step(
     diagonal, priced = program.weighted_curvature(iterate.prices / distances)
     curvature = np.hstack([slope.curvature, priced])
     level = np.hstack([slope.level_curvature, np.zeros((len(slope.by_level), priced.shape[1]))])
-    system = _NewtonSystem(diagonal, curvature, level, program.equalities)
+    try:
+        system = _NewtonSystem(diagonal, curvature, level, program.equalities)
+    except np.linalg.LinAlgError:
+        return None, 0.0, 1.0
     change, curved, raised, balance = system.solve(uphill, slope.by_level)
     rise = float(uphill @ change + slope.by_level @ raised)
     moves = program.moves(change)
@@ -155,6 +157,10 @@ class _NewtonSystem:
             curvature: U, (n, m).
             level: l, (h, m).
             equalities: A, (e, n).
+
+        Raises:
+            LinAlgError: a system that rounding leaves singular, as of readings that are alike with small
+                barriers.
         """
         # Loading SciPy takes longer than a search without weights needs in all.
         from scipy.linalg import lapack
@@ -182,7 +188,9 @@ class _NewtonSystem:
         self.sizes = np.sqrt(np.abs(np.diag(system)))
         self.sizes[self.sizes == 0] = 1.0
         # LAPACK is called directly: the overhead of SciPy's functions exceeds the work on small systems.
-        factors = lapack.dgetrf(system / np.outer(self.sizes, self.sizes), overwrite_a=True)[:2]
+        *factors, singular = lapack.dgetrf(system / np.outer(self.sizes, self.sizes), overwrite_a=True)
+        if singular:
+            raise np.linalg.LinAlgError("the Newton system is singular")
         self.solution = partial(lapack.dgetrs, *factors)
 
     def solve(self, uphill: Array, by_level: Array) -> tuple[Array, Array, Array, Array]:

@@ -22,7 +22,8 @@ class WeightProgram:
         judged: number of the judged combinations.
         upper: largest weights, (n,); infinite where no bound is needed.
         equalities: rows whose product with the weights stays constant, (e, n).
-        inequalities: rows whose product with the weights stays below 1, (i, n).
+        inequalities: rows whose product with the weights stays below a limit, (i, n).
+        most: these limits, (i,).
     """
 
     rows: Array
@@ -32,6 +33,7 @@ class WeightProgram:
     upper: Array
     equalities: Array
     inequalities: Array
+    most: Array
 
     @cached_property
     def _sums(self) -> Any:
@@ -59,7 +61,7 @@ class WeightProgram:
         inequalities.
         """
         above = self.upper[self._bounded] - weights[self._bounded]
-        return np.concatenate([weights, above, 1.0 - self.inequalities @ weights])
+        return np.concatenate([weights, above, self.most - self.inequalities @ weights])
 
     def moves(self, change: Array) -> Array:
         """Return the changes (d,) of the distances with a change (n,) of the weights."""

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import ROUNDING, Array, Places
@@ -25,7 +26,7 @@ from oed.optimize.weight_program import WeightProgram
 PRESENT = 1e-6
 """Share of the largest weight within which a weight counts as at a bound."""
 BEGUN = 0.9
-"""Share of every limit that equal weights use where costs limit them."""
+"""Share of every limit that first weights use where costs limit them."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -65,10 +66,11 @@ def best_weights(
     count = len(parts.readings)
     most = weights_by_budget(budgets, count, lambda budget: budget.upper)
     even = weights_by_budget(budgets, count, lambda budget: min(budget.even, 1.0) * budget.upper)
-    start = _weights(criterion, parts, spent_at_most(costs, even))
+    first, inside = _first(budgets, costs, even)
+    start = _weights(criterion, parts, first)
     # Budgets for all of their readings leave no choice.
     open_budgets = [budget for budget in budgets if costs or budget.even < 1.0 - ROUNDING]
-    if not open_budgets or not criterion.identifiable([parts.root(start.values)]):
+    if not inside or not open_budgets or not criterion.identifiable([parts.root(start.values)]):
         return start
     free = np.sort(np.concatenate([np.array(budget.places, dtype=int) for budget in open_budgets]))
     free = free[most[free] > 0]
@@ -80,6 +82,36 @@ def best_weights(
         planes, key=lambda plane: weight_bound(criterion, parts, chosen, plane.gradient, budgets, costs)
     )
     return best if best.value > start.value else start
+
+
+def _first(budgets: Sequence[Budget], costs: Sequence[Cost], even: Array) -> tuple[Array, bool]:
+    # First weights (n,), and whether they keep strictly to all costs; without costs they are even ones.
+    if not costs:
+        return even, True
+    first = BEGUN * spent_at_most(costs, even)
+    if all(cost.spent(first) < cost.most for cost in costs):
+        return first, True
+    # What is to be earned is not earned by lower weights: the weights that exceed each cost least, as a share
+    # of its largest, mixed with as many even ones as that leaves room for.
+    upper = weights_by_budget(budgets, len(even), lambda budget: budget.upper)
+    limits = [(cost.sizes, cost.most, float(np.abs(cost.sizes) @ upper)) for cost in costs]
+    for budget in budgets:
+        sizes = np.zeros(len(even))
+        sizes[list(budget.places)] = budget.sizes
+        limits.append((tuple(sizes), budget.total, 0.0))
+    sizes, most, shares = (np.array(column) for column in zip(*limits, strict=True))
+    bounds = [*((0.0, top) for top in upper), (None, 1.0)]
+    objective = np.append(np.zeros(len(even)), -1.0)
+    solution = scipy.optimize.linprog(objective, np.column_stack([sizes, shares]), most, bounds=bounds)
+    least, spare = solution.x[:-1], float(solution.x[-1])
+    if spare <= ROUNDING:
+        return least, False
+    room = [
+        spare * share / max(cost.spent(first) - cost.spent(least), spare * share)
+        for cost, share in zip(costs, shares, strict=False)
+    ]
+    mixed = min(room) / 2
+    return (1 - mixed) * least + mixed * first, True
 
 
 def weights_by_budget(budgets: Sequence[Budget], count: int, values: Callable[[Budget], Array]) -> Array:
@@ -147,18 +179,21 @@ def _maximise(
     spent *= first
     # A weight that its budget limits already needs no bound.
     upper[spent.max(axis=0) * upper >= 1.0] = np.inf
-    priced = [np.array(cost.sizes)[free] * first / cost.most for cost in limits.costs]
-    limited = np.vstack([spent, *priced]) if priced else np.zeros((0, len(free)))
+    priced = np.array([cost.sizes for cost in limits.costs]).reshape(-1, len(start))[:, free] * first
+    # Costs are in units of what the first weights spare of them.
+    spare = np.array([cost.most for cost in limits.costs]) - priced.sum(axis=1)
+    beside = len(spent) if len(priced) else 0
     program = WeightProgram(
         whitened(rows),
         some.places,
         whitened(some.known_rows),
         units.shape[1],
         upper,
-        spent[: 0 if priced else None],
-        limited,
+        spent[beside:],
+        np.vstack([spent[:beside], priced / spare[:, None]]),
+        np.concatenate([np.ones(beside), 1.0 + priced.sum(axis=1) / spare]),
     )
-    shares, gradient = maximise(program, weight_objective(criterion, units), BEGUN if priced else 1.0)
+    shares, gradient = maximise(program, weight_objective(criterion, units))
     certain[free] = _sparsest(program, shares) * first
     return certain, units @ gradient @ units.T
 

@@ -70,6 +70,32 @@ def test_weights_are_best_within_the_budget(most: float, expected: tuple[float, 
     assert bound == pytest.approx(solution.evaluation.objective, rel=1e-5)
 
 
+def test_weights_are_best_where_a_budget_must_be_earned():
+    """w0 - w1 is at most -3 and w0 + w1 at most 10: of w0 w1 the largest is 3.5 times 6.5."""
+    text = PRICED.replace("of: 1 + 3 * x, most: 20", "of: 1 - 2 * x, most: -3")
+    problem = parse_study(text).problem
+    solution = oed.solve(problem)
+    assert solution.trajectory.weights == pytest.approx((3.5, 6.5), rel=1e-5)
+    assert solution.evaluation.feasible
+    assert oed.bound(problem).upper_bound == pytest.approx(solution.evaluation.objective, rel=1e-5)
+
+
+def test_a_budget_that_nothing_earns_is_an_exceeded_limit():
+    text = PRICED.replace("of: 1 + 3 * x, most: 20", "of: 1 + x, most: -3")
+    solution = oed.solve(parse_study(text).problem)
+    assert not solution.evaluation.feasible
+    assert margin_of(solution.evaluation) <= -3
+
+
+def test_a_single_trial_is_paid_for_once_whatever_is_read_of_it():
+    text = TANKS.replace("candidates: {rows: {u: [0, 1, 2]}}, ", "").replace(
+        "of: trials, total: 10, most: 10", "total: 2"
+    )
+    text = text.replace('  inputs: {u: ""}\n', "").replace("g * u", "g").replace("of: 1 + u", "of: z * 0 + 1")
+    evaluation = oed.solve(parse_study(text).problem).evaluation
+    assert margin_of(evaluation) == pytest.approx(30 - 2)
+
+
 @pytest.mark.slow
 def test_trials_that_take_time_cost_as_often_as_they_are_repeated():
     problem = parse_study(TANKS).problem

@@ -17,7 +17,8 @@ from oed.equations.system import Equations
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, G, I, ModifiedE
 from oed.kernel.equivalence import directional_derivatives, weight_bound
-from oed.kernel.parts import Parts, budgets_of
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.parts import Parts, Reading, budgets_of
 from oed.kernel.reading_parts import parts_of
 from oed.optimize.exact import exact_weights
 from oed.optimize.selection import select
@@ -627,6 +628,27 @@ def test_nuisances_of_trials_that_nearly_depend_on_common_ones(slow: float, tria
     weights = found.parts.of_every_reading(found.chosen.values)
     scored = oed.evaluate(problem, replace(drive, weights=weights)).objective
     assert found.chosen.value == pytest.approx(scored, rel=1e-7)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA, ids=lambda criterion: criterion.kind)
+@pytest.mark.parametrize("unknowns", [2, 3, 4])
+def test_readings_that_are_alike_are_as_good_in_any_shares(criterion: Criterion, unknowns: int):
+    rows = np.random.default_rng(unknowns).normal(size=(6, unknowns))
+    alike = Parts(
+        readings=tuple(Reading("y", run, 0.0) for run in range(2)),
+        rows=np.vstack([rows, rows]),
+        places=np.repeat([0, 1], len(rows)),
+        known_rows=np.zeros((0, unknowns)),
+        judged=unknowns,
+        sizes=np.ones(2),
+        members=((0,), (1,)),
+    )
+    budgets = budgets_of(alike, 1.2)
+    best = best_weights(criterion, alike, budgets)
+    assert best.values.sum() == pytest.approx(1.2)
+    bound = weight_bound(criterion, alike, best.values, best.gradient, budgets)
+    assert best.value == pytest.approx(criterion.judge([SquareRoot.of_rows(np.sqrt(1.2) * rows)]), rel=1e-9)
+    assert bound == pytest.approx(best.value, rel=1e-9)
 
 
 @pytest.mark.slow
