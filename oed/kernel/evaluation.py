@@ -29,7 +29,8 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
 
     The trajectory keeps its own duration and samples; where it breaks the study's duration, start or
     rest, that is a violation like any other. Integration steps are made finer until results no longer change:
-    see `Evaluation.steps`.
+    see `Evaluation.steps`. Steps of weighted readings are at least as fine as those of all readings, by which
+    the weights are chosen.
 
     Raises:
         ValueError: inputs or states that do not match the robot's, another number of runs.
@@ -40,6 +41,9 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         return score(problem, trajectory)
     study_score = coarse = _finite(problem, trajectory)
     times, settled = FACTOR, False
+    if trajectory.weights is not None:
+        times = times_finer(problem.unselected, replace(trajectory, weights=None))
+        coarse = _finite(problem.refined(times // FACTOR), trajectory)
     while True:
         fine = _finite(problem.refined(times), trajectory)
         settled = coarse is not None and fine is not None and _agree(coarse, fine)
@@ -70,11 +74,21 @@ def resolved(problem: Problem, trajectory: Trajectory) -> Problem:
     Raises:
         ValueError, NotFinite: see `evaluate`.
     """
-    if not problem.system.integrates:
-        return problem
-    steps = evaluate(problem, trajectory).steps
-    assert steps is not None
-    return problem.refined(steps.times)
+    return problem.refined(times_finer(problem, trajectory))
+
+
+def times_finer(problem: Problem, trajectory: Trajectory) -> int:
+    """Return the number of times that `evaluate` divides the study's integration steps; 1 without any.
+
+    Args:
+        problem: problem that scores it.
+        trajectory: trajectory to score.
+
+    Raises:
+        ValueError, NotFinite: see `evaluate`.
+    """
+    steps = evaluate(problem, trajectory).steps if problem.system.integrates else None
+    return 1 if steps is None else steps.times
 
 
 def _agree(coarse: Evaluation, fine: Evaluation) -> bool:

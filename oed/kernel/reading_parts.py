@@ -21,6 +21,8 @@ from oed.kernel.scorer import jacobians
 def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
     """Return the information in every reading of a trajectory, whatever weights they have in it.
 
+    The weights decide by which integration steps alone: by those that `evaluate` scores the trajectory with.
+
     Raises:
         ProblemError: a measurement whose readings do not add up: of regressions, or correlated.
         ValueError, NotFinite: see `evaluate`.
@@ -30,10 +32,9 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
     if not sensors or not alone:
         text = "its readings do not add up one by one: weights need sensors with independent readings"
         raise ProblemError.about(("measurement", "kind"), text)
-    unweighted, bare = replace(trajectory, weights=None), problem
-    if problem.system.integrates and problem.selection is not None:
-        bare = replace(problem, selection=None)
-    (estimation,), (jacobian,) = problem.any_estimations, jacobians(resolved(bare, unweighted), unweighted)
+    unselected = problem.unselected if trajectory.weights is None else problem
+    refined, unweighted = resolved(unselected, trajectory), replace(trajectory, weights=None)
+    (estimation,), (jacobian,) = problem.any_estimations, jacobians(refined, unweighted)
     block, count = estimation.block, len(estimation.parameters)
     places = [block.parameters.index(name) for name in estimation.parameters]
     nuisances = range(len(block.parameters), jacobian.shape[1])

@@ -141,6 +141,11 @@ class Statement(Presented):
         return {1: self}
 
     @cached_property
+    def unselected(self) -> Self:
+        """The problem with all readings taken."""
+        return self if self.selection is None else replace(self, selection=None)
+
+    @cached_property
     def unlimited(self) -> Self:
         """The problem without limits and back-off: for information, or a drive's length, alone."""
         return replace(self, limits=(), robust=None, designed=False)

@@ -87,8 +87,7 @@ def solve(
 
 def _search(options: Solver, problem: Problem, context: Context) -> Solution:
     # The trajectory, unless there is only one; then the readings, where they are chosen.
-    # Another problem would be checked, and its expressions written, once more.
-    bare = problem if problem.selection is None else replace(problem, selection=None)
+    bare = problem.unselected
     if problem.design.only is not None:
         only = scored(bare, problem.design.only, options.label)
         solution = replace(only, kind=options.kind, seed=context.seed, status=Status.CONVERGED)

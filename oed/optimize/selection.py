@@ -16,7 +16,7 @@ from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.equivalence import directional_derivatives, weight_bound
-from oed.kernel.evaluation import evaluate, resolved
+from oed.kernel.evaluation import evaluate, times_finer
 from oed.kernel.parts import Budget, Cost, Parts
 from oed.kernel.problem import Problem
 from oed.kernel.reading_parts import parts_of
@@ -53,6 +53,11 @@ class Selected(Brief):
     def chosen(self) -> Weights:
         """Weights to be used: whole ones where the problem asks for these."""
         return self.relaxed if self.exact is None else self.exact.weights
+
+    @property
+    def weights_of_readings(self) -> Array:
+        """The weight of every single reading of the trajectory."""
+        return self.parts.of_every_reading(self.chosen.values)
 
     @cached_property
     def bound(self) -> float:
@@ -98,8 +103,24 @@ _SELECTIONS: WeakKeyDictionary[Problem, dict[bytes, Selected | None]] = WeakKeyD
 
 
 def _select(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected | None:
-    parts, budgets, costs = _budgeted_parts(problem, selection, trajectory)
-    criterion = problem.objective
+    # Fewer readings may need finer integration steps than all of them do.
+    drive = replace(trajectory, weights=None)
+    times = times_finer(problem.unselected, drive)
+    while (selected := _select_by_steps(problem, selection, drive, times)) is not None:
+        drive = replace(drive, weights=selected.weights_of_readings)
+        needed = times_finer(problem, drive)
+        if needed <= times:
+            break
+        times = needed
+    return selected
+
+
+def _select_by_steps(
+    problem: Problem, selection: Selection, trajectory: Trajectory, times: int
+) -> Selected | None:
+    # The best readings by the integration steps with which this trajectory is scored: so many times finer.
+    parts, budgets, costs = _budgeted_parts(problem, selection, trajectory, times)
+    criterion = problem.refined(times).objective
     largest = weights_by_budget(budgets, len(parts.readings), lambda budget: budget.upper)
     if not criterion.identifiable([parts.root(largest)]):
         return None
@@ -113,13 +134,14 @@ def _select(problem: Problem, selection: Selection, trajectory: Trajectory) -> S
 
 
 def _budgeted_parts(
-    problem: Problem, selection: Selection, trajectory: Trajectory
+    problem: Problem, selection: Selection, trajectory: Trajectory, times: int
 ) -> tuple[Parts, tuple[Budget, ...], tuple[Cost, ...]]:
     # Weighted readings, with their budgets and costs; candidates that exceed a limit get no weight.
     parts = selection.parts(parts_of(problem, trajectory))
-    allowed = _allowed(problem, selection, trajectory, parts)
+    refined = problem.refined(times)
+    allowed = _allowed(refined, selection, trajectory, parts)
     budgets = tuple(_restrict(budget, allowed) for budget in selection.budgets(parts))
-    return parts, budgets, costs_of(problem, trajectory, parts)
+    return parts, budgets, costs_of(refined, trajectory, parts)
 
 
 def _allowed(problem: Problem, selection: Selection, trajectory: Trajectory, parts: Parts) -> Bools:
@@ -129,13 +151,13 @@ def _allowed(problem: Problem, selection: Selection, trajectory: Trajectory, par
     weighs_moments = problem.model.states and selection.of != "trials"
     if problem.design.only is None or not limited or weighs_moments:
         return allowed
-    periods, bare = periods_of(problem, trajectory, parts), replace(problem, selection=None)
+    periods, bare = periods_of(problem, trajectory, parts), problem.unselected
     waiting = [np.arange(len(allowed))]
     while waiting:
         places, chosen = waiting.pop(), np.zeros(trajectory.samples, dtype=bool)
         chosen[np.concatenate([periods[place] for place in places])] = True
         drive = with_candidates(replace(trajectory, weights=None), chosen)
-        exceeded = limits_exceeded(resolved(bare, drive), drive, TOLERANCE)
+        exceeded = limits_exceeded(bare, drive, TOLERANCE)
         if exceeded.isdisjoint(limited):
             continue
         if len(places) > 1:
@@ -165,7 +187,7 @@ def rate_trajectory(problem: Problem, trajectory: Trajectory, name: str) -> Solu
     """
     if problem.selection is None or trajectory.weights is not None:
         return scored(problem, trajectory, name)
-    return with_readings(problem, scored(replace(problem, selection=None), trajectory, name))
+    return with_readings(problem, scored(problem.unselected, trajectory, name))
 
 
 def with_readings(problem: Problem, solution: Solution) -> Solution:
@@ -179,9 +201,10 @@ def with_readings(problem: Problem, solution: Solution) -> Solution:
         return solution
     selected = select(problem, solution.trajectory)
     if selected is not None:
-        weights = selected.parts.of_every_reading(selected.chosen.values)
+        weights = selected.weights_of_readings
     else:
-        parts, budgets, costs = _budgeted_parts(problem, problem.selection, solution.trajectory)
+        times = times_finer(problem.unselected, solution.trajectory)
+        parts, budgets, costs = _budgeted_parts(problem, problem.selection, solution.trajectory, times)
         even = weights_by_budget(budgets, len(parts.readings), lambda budget: budget.even * budget.upper)
         weights = parts.of_every_reading(spent_at_most(costs, even))
     trajectory = replace(solution.trajectory, weights=weights)

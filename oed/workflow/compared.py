@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -40,10 +39,8 @@ def compared(work: Work, paths: Mapping[str, Trajectory], best: Solution | None)
         if isinstance(path, PathFile):
             found.append(_scored_path(problem, paths[path.label], path.label))
         else:
-            bare = replace(problem, selection=None)
-            each = (
-                with_readings(problem, one) for one in baselines(bare, path, length=length, seed=work.seed)
-            )
+            all_readings = baselines(problem.unselected, path, length=length, seed=work.seed)
+            each = (with_readings(problem, one) for one in all_readings)
             own, *same = each
             found += [own, *(one for one in same if _same_length(work.study) or _driven(one))]
         work.progress.advance()

@@ -13,6 +13,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.scorer import score
 from oed.kernel.solution import Status
 from oed.optimize import _search, enough_steps
+from oed.optimize.selection import select
 from oed.optimize.solver import Context
 
 SWING = """format: 1
@@ -32,6 +33,22 @@ criterion: D
 baselines: []
 solvers: [{kind: ipopt, starts: 2, perturbations: 0}]
 seed: 0
+"""
+
+WEIGHTED = """
+format: 1
+name: Swing with chosen readings
+system:
+  kind: equations
+  substeps: 1
+  states: {x: 1, v: 0 1/s}
+  derivatives: {x: v, v: -w^2 * x - c * v}
+  parameters: {w: 1.2 1/s, c: 0.3 1/s}
+  outputs: {x: x}
+experiment: {duration: 14 s, samples: 8, trials: 1}
+measurement: {kind: outputs, noise: {x: 0.1}}
+weights: {readings: 2}
+criterion: {kind: CRITERION}
 """
 
 
@@ -124,3 +141,14 @@ def test_a_search_that_was_interrupted_is_not_taken_up_again():
 
     enough_steps.search_with_enough_steps(search, study(1).solvers[0], problem, Context(workers=1))
     assert len(seen) == 1
+
+
+@pytest.mark.parametrize("criterion", ["A", "E"])
+def test_weights_are_chosen_and_certified_by_the_steps_of_their_score(criterion: str):
+    """Two of eight readings need finer steps than all: the bound was 2e-5 above the score of the best."""
+    problem = oed.parse_study(WEIGHTED.replace("CRITERION", criterion)).problem
+    solution = oed.solve(problem)
+    selected = select(problem, solution.trajectory)
+    assert selected is not None
+    assert solution.evaluation.steps.times > 16
+    assert selected.bound == pytest.approx(solution.evaluation.objective, rel=1e-8)
