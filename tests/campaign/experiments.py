@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 import oed
 from oed.kernel import results, scorer
+from oed.kernel.evaluation import times_finer
 from oed.optimize.selection import select
 from oed.workflow.studies import parse_study
 
@@ -167,6 +169,20 @@ class JudgedTrial:
         """The same but for next to nothing."""
         return shaken(self.followed)
 
+    @property
+    def exceeded(self) -> set[str]:
+        """Names of the limits that are exceeded."""
+        with np.errstate(all="ignore"):
+            return {one.limit for one in self.followed.excesses(SAMPLED) if one.amount > 0}
+
+    def by_finer_steps(self, weights: Any) -> JudgedTrial:
+        """The same by the integration steps that `evaluate` takes for these weights."""
+        trajectory = replace(self.trajectory, weights=weights)
+        times = times_finer(self.problem if weights is not None else self.problem.unselected, trajectory)
+        spec = deepcopy(self.study.spec)
+        spec["system"]["substeps"] = times * self.followed.system.substeps
+        return replace(self, study=replace(self.study, spec=spec), problem=self.problem.refined(times))
+
     def weighted(self, weights: Any) -> JudgedTrial:
         """The same, its readings weighted otherwise."""
         found = JudgedTrial(self.study, self.problem, replace(self.trial, weights=weights))
@@ -260,22 +276,23 @@ class JudgedTrial:
 
 def _selected(rng: Rng, judged: JudgedTrial) -> Iterator[Verdict]:
     # The best readings of a trial, beside others.
-    study, problem = judged.study, judged.problem
+    found = select(judged.problem, judged.trajectory)
+    weights = None if found is None else found.weights_of_readings
+    # What is chosen is chosen by integration steps as fine as `evaluate` takes them.
+    judged = judged.by_finer_steps(weights)
     with np.errstate(all="ignore"):
-        draws = [draw_weights(rng, study.spec, judged.trial) for _ in range(TRIED)]
+        draws = [draw_weights(rng, judged.study.spec, judged.trial) for _ in range(TRIED)]
         tried = [judged.weighted(weights) for weights in draws]
-    # Weights are chosen within budgets of the study.
-    budgets = {limit["name"] for limit in study.spec.get("limits", ()) if limit["kind"] == "budget"}
-    within = [one for one in tried if not any(x.amount > 0 for x in one.limits() if x.limit in budgets)]
+    best = judged.weighted(weights)
+    # Weights are chosen within budgets of the study, and candidates that break a limit have none.
+    broken = set() if found is None else best.exceeded
+    within = [one for one in tried if one.exceeded <= broken]
     known = [one.true.objective for one in within if one.true.sort == "well"]
     if len(known) < TRIED // 2:
         return
-    found = select(problem, judged.trajectory)
     if found is None:
         yield Verdict(CHOSEN, f"{max(known):.9g} is known, and no choice said to be any good")
         return
-    weights = found.parts.of_every_reading(found.chosen.values)
-    best = judged.weighted(weights)
     yield from best.verdicts()
     value, bound = best.said.objective, found.bound
     yield at_most(f"a choice of {max(known):.9g}", max(known), bound, judged.kind, BOUND)

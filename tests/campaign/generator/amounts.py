@@ -72,6 +72,14 @@ class Amount(Quantity):
         return f"{float(self) / factor!r} {unit}"
 
 
+class Deviation(Amount):
+    """An amount that is never written in %: of what would it be a share?"""
+
+    def text(self, rng: np.random.Generator) -> Any:
+        """In units drawn at random; plain numbers bare."""
+        return super().text(rng) if self.dimension else float(self)
+
+
 def _joined(factors: Iterator[tuple[str, Fraction]], *, slashes: bool) -> str:
     # mol/m^3/s, or mol m^-3 s^-1.
     own = list(factors)

@@ -12,6 +12,10 @@ from .quantities import one_of
 from .systems import Draft
 
 Rng = np.random.Generator
+Array = np.ndarray[Any, Any]
+
+RESOLVED = 1e-3
+"""Share of an integral by which shorter steps may change it."""
 
 
 def draw_limits(rng: Rng, draft: Draft, reference: Experiment) -> list[dict[str, Any]]:
@@ -26,7 +30,7 @@ def draw_limits(rng: Rng, draft: Draft, reference: Experiment) -> list[dict[str,
         if not np.isfinite([low, high]).all():
             continue
         spread = (high - low) or abs(high) or 1.0
-        if kind == "budget" and not _can_be_counted(reference):
+        if kind == "budget" and not (_can_be_counted(reference) and _resolved(reference, limit, values)):
             continue
         if kind == "budget":
             own = product(own, TIME) if draft.states else own
@@ -36,6 +40,14 @@ def draw_limits(rng: Rng, draft: Draft, reference: Experiment) -> list[dict[str,
             least, most = low - spread * rng.uniform(inside, 0.5), high + spread * rng.uniform(inside, 0.5)
             found.append({**limit, "range": [Amount(least, own), Amount(most, own)]})
     return found
+
+
+def _resolved(reference: Experiment, limit: dict[str, Any], values: Array) -> bool:
+    # Whether steps of the integration are short enough for an integral: of what is over within one, it is not
+    # known.
+    system = {**reference.study["system"], "substeps": 2 * reference.system.substeps}
+    finer = Experiment({**reference.study, "system": system}, reference.trial).limited(limit, 4)
+    return bool(np.all(np.abs(finer - values) <= RESOLVED * np.abs(values)))
 
 
 def _can_be_counted(reference: Experiment) -> bool:

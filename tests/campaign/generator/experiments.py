@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from ..oracle.experiments import Experiment
-from .amounts import TIME, Amount, product
+from .amounts import TIME, Amount, Deviation, product
 from .asked import draw_asked, written_shares
 from .bounded import draw_limits
 from .quantities import log_uniform, one_of, plain, written
@@ -215,7 +215,7 @@ def _measurement(rng: Rng, draft: Draft, reference: Experiment) -> Any:
             size = (float(sizes[name]) or 1.0) * log_uniform(rng, 1e-3, 0.1)
             # Of what is read all the time the mean of a second counts.
             size *= reference.trial.period**0.5 if kind == "rates" else 1.0
-            noise[name] = Amount(size, draft.output_dims[name])
+            noise[name] = Deviation(size, draft.output_dims[name])
         sensor: dict[str, Any] = {"kind": kind, "noise": noise}
         if rng.random() < 0.25:
             sensor["every"] = int(rng.integers(1, 4))

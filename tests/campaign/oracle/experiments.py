@@ -269,7 +269,9 @@ class Experiment:
     def limited(self, limit: Mapping[str, Any], points: int) -> Array:
         system, trial = self.system, self.trial
         p = [np.real(one[:1]) for one in self.p]
-        states = np.real(self.states[:, :1])
+        done = self.carried_out
+        states, counts = np.real(self.states[:, :1])[:, :, done], self.counts[done]
+        trials = int(done.sum())
 
         def value_of(x: Array, u: Array) -> Array:
             # Of (states, 1, ...) and (inputs, ...).
@@ -277,19 +279,19 @@ class Experiment:
             found = system.value(limit["of"], x.reshape(len(x), 1, count), list(u.reshape(len(u), count)), p)
             return np.real(np.broadcast_to(found, (1, count))).reshape(1, *u.shape[1:])
 
-        held = trial.held.transpose(2, 0, 1)
+        held = trial.held.transpose(2, 0, 1)[:, done]
         if limit["kind"] == "budget" and not system.states:
-            return np.array([(self.counts * value_of(states[..., :-1], held)[0]).sum()])
-        u = list(held.reshape(len(system.inputs), trial.trials * trial.samples))
-        begin = states[..., :-1].reshape(len(states), 1, trial.trials * trial.samples)
+            return np.array([(counts * value_of(states[..., :-1], held)[0]).sum()])
+        u = list(held.reshape(len(system.inputs), trials * trial.samples))
+        begin = states[..., :-1].reshape(len(states), 1, trials * trial.samples)
         if limit["kind"] == "budget":
             # The integral, by Gauss's rule in every period.
             spent = 0.0
             for node, weight in zip(*np.polynomial.legendre.leggauss(NODES), strict=True):
                 x = system.step(begin, u, p, (1 + node) / 2 * trial.period)
-                spent += weight / 2 * (self.counts * value_of(x, held)[0]).sum()
+                spent += weight / 2 * (counts * value_of(x, held)[0]).sum()
             return np.array([spent * trial.period])
-        nothing = 0 * self.inputs
+        nothing = 0 * self.inputs[:, done]
         if limit["kind"] == "end":
             return value_of(states[..., -1:], nothing[..., -1:])
         found = [value_of(begin, nothing[..., :-1]).ravel(), value_of(states, nothing).ravel()]
@@ -313,6 +315,14 @@ class Experiment:
         columns = np.concatenate([one.column[first] for one, first in zip(self.rows, places, strict=True)])
         np.maximum.at(found, (trials, columns), trial.weights)
         return found
+
+    @property
+    def carried_out(self) -> Array:
+        """Mask of the trials that are carried out: not candidates whose readings do not count, (trials,)."""
+        counted = self.counts.any(axis=1)
+        if "candidates" in self.study["experiment"] and counted.any():
+            return counted
+        return np.ones(len(counted), dtype=bool)
 
     def spent(self) -> list[tuple[float, float]]:
         """Of each budget of weights what is spent, and its total."""
